@@ -33,7 +33,7 @@ struct Drawn {
   size_t num_all = 0;
   size_t num_outside = 0;    // IsAllowed is false.
   size_t num_unseen = 0;     // Too few rough set-ups see the whole target.
-  size_t num_unreached = 0;  // The arm has no posture there.
+  size_t num_unreached = 0;  // The arm has no posture there that is permitted.
 };
 
 struct Candidate {

@@ -378,6 +378,9 @@ struct ModelWithSmoothErrors {
   std::vector<AddedSmoothErrors> added;
 };
 
+// The lens and the shapes of the targets stay as they were chosen: smooth errors resemble what a target of another
+// shape leaves, so that the captures do not tell which is true, and a scale that is free has a prior, while one that is
+// held may be wrong.
 ModelWithSmoothErrors SearchSmoothErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
   const bool is_free = model.options.robot == BundleOptions::Robot::kEstimatedNoise || space.parts.robot_noise;
   if (space.smooth == SmoothPoseErrors::kNone || !is_free || model.options.robot_noise_prior) return {model, {}};

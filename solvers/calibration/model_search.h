@@ -36,9 +36,7 @@ SearchedModel WithChosenTwists(const SearchedModel& model, const std::vector<boo
 
 // The errors of the arms that are searched for after the parts were chosen.
 struct ErrorSpace {
-  // The parts that are chosen again with the errors of arms; it names none. Beside smooth errors the parts stay as they
-  // were chosen: smooth errors resemble what a target of another shape leaves, so that captures do not tell which is
-  // true, and a shape that is known by a prior only costs less than one that is held and wrong.
+  // The parts that are chosen again with the errors of arms; it names none. Beside smooth errors all parts stay.
   ModelSpace parts;
   std::vector<ArmErrorModels> arms;  // One for each arm, or an empty list.
   SmoothPoseErrors smooth = SmoothPoseErrors::kNone;

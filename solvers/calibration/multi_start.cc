@@ -134,10 +134,10 @@ std::vector<InitialGuess> RotatedStarts(const std::vector<PosePair>& pairs, cons
 }
 
 // Refines an initial guess robustly and only as far as it takes to tell it from others, with a fixed camera. A guess
-// near the solution is there after some 20 steps; those that take many end far from it.
+// near the solution is there after some 20 steps; those that take more than 30 end far from it, and fail.
 Outcome<HandEye> RefineRoughly(const PairProblem& part, const HandEye& start) {
   BundleOptions options;
-  options.loss = LossKind::kTruncated;
+  options.loss = LossKind::kTruncated;  // A start at which some targets are hidden is one.
   options.free_intrinsics = {};
   options.max_iterations = 30;
   const Problem problem = HandEyeProblem(part, options);

@@ -705,9 +705,7 @@ RobotErrorsFound CalibrateRobotErrors(const PairCalibration& before, const PairC
     found.arm->branches = BranchesOfAll(errors.arm, captures, found.arm->branches);
   }
   calibration = Finished(WithModelOf(std::move(calibration), problem, fixed), with_errors, false);
-  if (found.smooth && errors.smooth == SmoothPoseErrors::kAuto) {
-    calibration.alternatives = AllComparedModels(calibration, *found.smooth, before);
-  }
+  if (found.smooth) calibration.alternatives = AllComparedModels(calibration, *found.smooth, before);
   found.calibration = std::move(calibration);
   return found;
 }

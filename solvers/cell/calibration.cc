@@ -286,8 +286,10 @@ Calibration FinishCalibration(StartedCalibration started, const CalibrationOptio
     calibration.refined = started.judged.failure();
     return calibration;
   }
-  // The errors of a known arm resemble shapes, which are chosen beside them; smooth errors come after the shapes.
+  // The errors of a known arm resemble shapes, which are chosen beside them; without a known arm, smooth errors come
+  // after the shapes.
   if (!knows_arms) found.model = {rig, options.adjustment, *std::move(started.judged)};
+  calibration.arms = found.arms;
   Outcome<SearchedModel> chosen = WithChosenShapes(found.model, knows_arms, options);
   if (!chosen) {
     rig = std::move(found.model.problem);
@@ -299,7 +301,6 @@ Calibration FinishCalibration(StartedCalibration started, const CalibrationOptio
   } else {
     found = find_errors(*chosen);
   }
-  calibration.arms = std::move(found.arms);
   calibration.smooth_errors = std::move(found.smooth);
   rig = std::move(found.model.problem);
   JudgedProblem& judged = found.model.judged;

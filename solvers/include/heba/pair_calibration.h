@@ -53,8 +53,9 @@ struct RobotErrorsFound {
 };
 
 // Continues a calibration whose refinement succeeded with the search for errors of the robot
-// (solvers/calibration/model_search.h). `options` are those of that calibration. The lens, the shape of the target, the
-// noise of the robot and the captures that are left out are chosen again with them.
+// (solvers/calibration/model_search.h). `options` are those of that calibration. The lens, the shape of the target and
+// the noise of the robot are chosen again with errors of an arm, and the captures that are left out with smooth ones,
+// too.
 RobotErrorsFound CalibrateRobotErrors(const PairCalibration& before, const PairCalibrationOptions& options,
                                       const RobotErrors& errors);
 

@@ -39,7 +39,9 @@ Arm ReadArmFile(const std::filesystem::path& path, const Arm& nominal) {
     throw InputError(path.string() + ": describes six joints, but the arm " + nominal.name + " has " +
                      std::to_string(nominal.num_joints()));
   }
-  return WithLoadOf(ArmFromAxes(nominal.name, axes, base_from_link), nominal);
+  Arm arm = WithLoadOf(ArmFromAxes(nominal.name, axes, base_from_link), nominal);
+  arm.limits = nominal.limits;
+  return arm;
 }
 
 Outcome<std::string> ArmFileText(const Arm& yielding_arm) {

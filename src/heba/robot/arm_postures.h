@@ -28,8 +28,8 @@ Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_ti
 Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& base_from_tip);
 
 // Returns the posture with the turning joints that are beyond their limits moved by whole turns to where they are
-// nearest to the middle of these; the posture as it is if the limits are not known. Nothing if a joint stays beyond its
-// limits.
+// nearest to the middle of these. Returns the posture as it is if the limits are not known, and nothing if a joint
+// stays beyond its limits.
 std::optional<Eigen::VectorXd> WithinLimits(const Arm& arm, Eigen::VectorXd joints);
 
 // Returns how far apart two postures are: the norm of the differences of their joints, of which those that turn count

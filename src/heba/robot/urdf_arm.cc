@@ -55,6 +55,9 @@ KDL::Frame ToKdl(const Rigid3d& pose) {
           KDL::Vector(pose.translation.x(), pose.translation.y(), pose.translation.z())};
 }
 
+// The limits of a joint that has none.
+constexpr JointLimits kWithoutEnd = {-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
+
 class KdlArm final : public UrdfArm {
  public:
   // `links_in_base` are the bodies that move with each joint; empty if their masses are not known.
@@ -103,12 +106,17 @@ class KdlArm final : public UrdfArm {
     constexpr double kReached = 1e-6;
     constexpr double kSame = 1e-3;
     KDL::ChainIkSolverPos_LMA solver(chain_, 1e-9, 500);
+    // A joint without an end is searched within one turn.
+    std::vector<JointLimits> limits = limits_;
+    for (JointLimits& of_joint : limits) {
+      if (std::isinf(of_joint.low)) of_joint = {-kPi, kPi};
+    }
     Rng rng(1);
     std::vector<std::vector<double>> postures;
     for (int start = 0; start < kNumStarts; ++start) {
       KDL::JntArray from(static_cast<unsigned>(names_.size()));
       for (size_t i = 0; i < names_.size(); ++i) {
-        from(static_cast<unsigned>(i)) = rng.Uniform(limits_[i].low, limits_[i].high);
+        from(static_cast<unsigned>(i)) = rng.Uniform(limits[i].low, limits[i].high);
       }
       KDL::JntArray to(from.rows());
       solver.CartToJnt(from, ToKdl(base_from_tip), to);
@@ -118,10 +126,10 @@ class KdlArm final : public UrdfArm {
         double joint = to(static_cast<unsigned>(i));
         // A turning joint is moved by whole turns to where it is nearest to the middle of its limits.
         if (turns_[i]) {
-          const double middle = 0.5 * (limits_[i].low + limits_[i].high);
+          const double middle = 0.5 * (limits[i].low + limits[i].high);
           joint = middle + std::remainder(joint - middle, 2 * kPi);
         }
-        is_within = is_within && joint >= limits_[i].low - kReached && joint <= limits_[i].high + kReached;
+        is_within = is_within && joint >= limits[i].low - kReached && joint <= limits[i].high + kReached;
         joints.push_back(joint);
       }
       if (!is_within) continue;
@@ -327,9 +335,10 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
     if (joint->type == urdf::Joint::FIXED) continue;
     moving.push_back(joint->name);
     turns.push_back(IsTurningJoint(*joint));
-    const bool has_limits = joint->type != urdf::Joint::CONTINUOUS && joint->limits;
-    // A joint that turns without an end reaches every angle within one turn.
-    limits.push_back(has_limits ? JointLimits{joint->limits->lower, joint->limits->upper} : JointLimits{-kPi, kPi});
+    // Files that state no positions have zero for both.
+    const bool has_limits =
+        joint->type != urdf::Joint::CONTINUOUS && joint->limits && joint->limits->lower < joint->limits->upper;
+    limits.push_back(has_limits ? JointLimits{joint->limits->lower, joint->limits->upper} : kWithoutEnd);
   }
   if (moving.empty()) {
     throw InputError(path.string() + ": no joint moves between " + Quoted(base) + " and " + Quoted(tip));

@@ -103,5 +103,37 @@ TEST(PairCalibrationTest, TakesRejectedPointsBackUnderAnotherModel) {
   EXPECT_TRUE(second.calibration.with_rejected.empty());
 }
 
+// Beside smooth errors the captures do not reject a target as designed, even if its scale is wrong.
+TEST(PairCalibrationTest, ShapeOfTheTargetStaysBesideSmoothErrors) {
+  TestSceneOptions scene_options;
+  scene_options.noise_px = 0.1;
+  scene_options.robot_translation_m = 1e-3;
+  scene_options.robot_rotation_rad = 1e-3;
+  scene_options.shape[0] = scene_options.shape[1] = 0.99;
+  for (int seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    TestScene scene = MakeTestScene(seed, scene_options);
+    for (size_t i = 0; i < scene.views.size(); ++i) scene.views[i].capture = i;
+    PairCalibrationOptions options = OptionsOf(scene);
+    options.choose.robot_noise = true;
+    options.choose.target_shape = true;
+    const Outcome<PairCalibration> first = CalibratePair(scene.views, options);
+    ASSERT_TRUE(first.ok() && first->refined.ok());
+    ASSERT_FALSE(first->bundle.free_shape.empty());
+    RobotErrors errors;
+    errors.smooth = SmoothPoseErrors::kAlways;
+    const RobotErrorsFound second = CalibrateRobotErrors(*first, options, errors);
+    ASSERT_TRUE(second.smooth.has_value());
+    EXPECT_EQ(second.calibration.bundle.free_shape, first->bundle.free_shape);
+    // The model with smooth errors is compared with the chosen one of those without.
+    const std::vector<ModelAlternative>& all = second.calibration.alternatives;
+    ASSERT_EQ(all.size(), first->alternatives.size() + 1);
+    const auto without = std::find_if(all.begin(), all.end(), [&](const ModelAlternative& one) {
+      return one.model.robot == first->bundle.robot && one.model.shape == first->bundle.free_shape;
+    });
+    EXPECT_NEAR(all.back().log_likelihood - without->log_likelihood, second.smooth->log_likelihood_gain, 1e-9);
+  }
+}
+
 }  // namespace
 }  // namespace heba

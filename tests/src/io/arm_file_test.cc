@@ -33,6 +33,7 @@ TEST(ArmFileTest, ReadsTheFileOfRos) {
   WriteFileAtomically(folder.path() / "ur5e.yaml", kNominalUr5e);
   const Arm& nominal = *FindArm("ur5e");
   const Arm read = ReadArmFile(folder.path() / "ur5e.yaml", nominal);
+  EXPECT_EQ(read.limits.size(), 6U);
   Rng rng(2);
   for (int i = 0; i < 10; ++i) {
     const Eigen::VectorXd joints = RandomJoints(nominal, rng);

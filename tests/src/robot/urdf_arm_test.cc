@@ -5,6 +5,7 @@
 #include "heba/base/files.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
+#include "heba/robot/arm_postures.h"
 #include "heba/robot/arm_table.h"
 #include "heba/robot/ur_kinematics.h"
 #include "tests/support/arm_joints.h"
@@ -78,6 +79,26 @@ std::string Inertial(double mass_kg, const Eigen::Vector3d& centre_m) {
                 "ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>",
                 mass_kg, centre_m.x(), centre_m.y(), centre_m.z());
   return text;
+}
+
+// A slide ends at its limits; a joint that turns without an end, and one whose file states no positions, end nowhere.
+TEST_F(UrdfArmTest, JointsEndWhereTheFileSays) {
+  std::string text = "<robot name=\"arm\"><link name=\"link0\"/>\n";
+  const std::string joints[][2] = {{"continuous", ""},
+                                   {"prismatic", "<limit lower=\"0\" upper=\"0.8\" effort=\"1\" velocity=\"1\"/>"},
+                                   {"revolute", "<limit effort=\"1\" velocity=\"1\"/>"}};
+  for (size_t j = 0; j < 3; ++j) {
+    const std::string n = std::to_string(j + 1);
+    text += "<link name=\"link" + n + "\"/><joint name=\"j" + n + "\" type=\"" + joints[j][0] +
+            "\"><parent link=\"link" + std::to_string(j) + "\"/><child link=\"link" + n +
+            "\"/><origin xyz=\"0.2 0 0.1\"/><axis xyz=\"0 0 1\"/>" + joints[j][1] + "</joint>\n";
+  }
+  const Arm arm = UrdfArm::Read(Write(text + "</robot>\n"))->Kinematics();
+  const Eigen::Vector3d inside(7, 0.5, -5);
+  EXPECT_EQ(WithinLimits(arm, inside), Eigen::VectorXd(inside));
+  for (const double beyond : {-0.1, 0.9, 0.5 + 2 * kPi}) {
+    EXPECT_FALSE(WithinLimits(arm, Eigen::Vector3d(7, beyond, -5)).has_value()) << beyond;
+  }
 }
 
 // The masses of the links, of the flange and of a finger beside the chain.

@@ -50,7 +50,7 @@ std::vector<Symptom> SingularSymptoms(const Dataset& data, const ArmBranch& bran
 }
 
 // The limits of the comparison of joints and poses.
-struct JointLimits {
+struct ComparisonLimits {
   // A misfit beyond this is more than that of most controllers' calibrations, so that another reading is looked for.
   double misfit_m = 5e-3;
   double better = 3;        // A reading whose misfit is smaller by this factor is the right one.
@@ -64,7 +64,7 @@ struct JointLimits {
   double tool_m = 1e-3;
   double tool_deg = 0.1;
 };
-constexpr JointLimits kJointLimits;
+constexpr ComparisonLimits kComparisonLimits;
 
 SymptomCode CodeOf(JointReading::Mistake mistake) {
   switch (mistake) {
@@ -128,13 +128,13 @@ MistakeWords WordsOf(JointReading::Mistake mistake, const JointReading& reading,
 const JointReading* BestReading(const std::vector<JointReading>& readings, const ImpliedTool& now) {
   const JointReading* best = nullptr;
   const auto rank = [](const JointReading& reading) {
-    return std::pair(reading.mistakes.size(), std::max(reading.tool.misfit_m, kJointLimits.alike_m));
+    return std::pair(reading.mistakes.size(), std::max(reading.tool.misfit_m, kComparisonLimits.alike_m));
   };
   double least_m = std::numeric_limits<double>::infinity();
   for (const JointReading& reading : readings) least_m = std::min(least_m, reading.tool.misfit_m);
-  if (!(kJointLimits.better * least_m < now.misfit_m) || least_m > kJointLimits.misfit_m) return nullptr;
+  if (!(kComparisonLimits.better * least_m < now.misfit_m) || least_m > kComparisonLimits.misfit_m) return nullptr;
   for (const JointReading& reading : readings) {
-    const bool is_alike = reading.tool.misfit_m <= std::max(2 * least_m, kJointLimits.alike_m);
+    const bool is_alike = reading.tool.misfit_m <= std::max(2 * least_m, kComparisonLimits.alike_m);
     if (is_alike && (best == nullptr || rank(reading) < rank(*best))) best = &reading;
   }
   return best;
@@ -194,8 +194,8 @@ std::vector<Symptom> JointRemarks(const RobotArm& robot, const ImpliedTool& tool
   std::vector<Symptom> symptoms;
   const double apart_m = DistanceM(tool.tip_from_gripper, robot.tip_from_gripper);
   const double apart_rad = AngleRad(tool.tip_from_gripper, robot.tip_from_gripper);
-  if (apart_m > std::max(kJointLimits.tool_m, 3 * tool.scatter_m) ||
-      apart_rad > std::max(DegToRad(kJointLimits.tool_deg), 3 * tool.scatter_rad)) {
+  if (apart_m > std::max(kComparisonLimits.tool_m, 3 * tool.scatter_m) ||
+      apart_rad > std::max(DegToRad(kComparisonLimits.tool_deg), 3 * tool.scatter_rad)) {
     symptoms.push_back({Severity::kRemark, "robot_tool",
                         "joints and poses say that the poses are those of a tool at " +
                             PoseText(tool.tip_from_gripper) + " from the tip of the arm " + robot.arm.name + ", " +
@@ -205,8 +205,8 @@ std::vector<Symptom> JointRemarks(const RobotArm& robot, const ImpliedTool& tool
   }
   // The rounding errors of the joints, of half a step each, at a distance of 1 m.
   const double by_rounding = 0.5 * rounding_rad * std::sqrt(robot.arm.num_joints());
-  if (tool.scatter_m < kJointLimits.rounding_m + by_rounding &&
-      tool.scatter_rad < DegToRad(kJointLimits.rounding_deg) + by_rounding) {
+  if (tool.scatter_m < kComparisonLimits.rounding_m + by_rounding &&
+      tool.scatter_rad < DegToRad(kComparisonLimits.rounding_deg) + by_rounding) {
     symptoms.push_back({Severity::kRemark, "nominal_kinematics",
                         "the poses are the kinematics of the config for the recorded joints, to within " +
                             ScatterText(tool) + ": the controller computes them with the same dimensions of the arm " +
@@ -256,7 +256,7 @@ std::vector<Symptom> ExamineRecorded(const Examination& examination) {
     poses.push_back(capture.base_from_gripper.front());
   }
   const ImpliedTool now = ImpliedToolOf(robot.arm, joints, poses);
-  if (now.misfit_m > kJointLimits.misfit_m) {
+  if (now.misfit_m > kComparisonLimits.misfit_m) {
     const std::vector<JointReading> readings = OtherReadings(robot.arm, Arms(), joints, poses);
     const JointReading* best = BestReading(readings, now);
     if (best != nullptr) return {WrongJoints(*best, robot.arm, now, examination.config.arms.front().joints_are_deg)};
@@ -315,8 +315,8 @@ std::optional<WithoutArm> CalibrateWithoutArm(const Examination& examination) {
 
 bool IsAtFlange(const ArmReading& reading) {
   const Rigid3d& tool = reading.tip_from_gripper;
-  return tool.translation.norm() < kJointLimits.tool_m &&
-         RotationAngle(tool.rotation) < DegToRad(kJointLimits.tool_deg);
+  return tool.translation.norm() < kComparisonLimits.tool_m &&
+         RotationAngle(tool.rotation) < DegToRad(kComparisonLimits.tool_deg);
 }
 
 // Returns the tools to compare: along the flange's z axis before that of the config, or without that.
