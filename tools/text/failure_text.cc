@@ -297,10 +297,8 @@ constexpr CodeWords kWords[] = {
     {"few_planned",
      "{found} poses were found from which the camera sees the target, but {wanted} are needed; of {drawn} that were "
      "drawn, {outside} lie outside of the workspace or where the robot must not be, in {unseen} the target is not seen "
-     "for certain, and in {unreached} the arm has no posture that its limits, plan.keep_out and robot.joints_near "
-     "permit; "
-     "check hand_eye and board, or make the workspace larger, "
-     "the uncertainty smaller or the target smaller"},
+     "for certain, and {unreached} are out of the reach of the arm or of its joints; check hand_eye and board, or make "
+     "the workspace larger, the uncertainty smaller or the target smaller"},
     {"no_planned_depth",
      "the target fits into the image, and its points lie far enough apart, at depths from {from_mm} to {to_mm} mm, "
      "none of "
