@@ -197,9 +197,9 @@ CalibrationAtRest WithoutMotions(StartedCalibration started, const CalibrationOp
 }
 
 // Returns the model with the shapes of targets that its images require, if they are to be chosen.
-Outcome<SearchedModel> WithChosenShapes(const SearchedModel& model, bool knows_arms,
-                                        const CalibrationOptions& options) {
+Outcome<SearchedModel> WithChosenShapes(const SearchedModel& model, const CalibrationOptions& options) {
   if (!options.choose_target_shape) return model;
+  const bool knows_arms = KnowsArms(options);
   ModelSpace shapes = MovedShapes(model.problem);
   const std::vector<bool> twists = shapes.twists;
   if (knows_arms) shapes.twists.clear();
@@ -290,7 +290,7 @@ Calibration FinishCalibration(StartedCalibration started, const CalibrationOptio
   // after the shapes.
   if (!knows_arms) found.model = {rig, options.adjustment, *std::move(started.judged)};
   calibration.arms = found.arms;
-  Outcome<SearchedModel> chosen = WithChosenShapes(found.model, knows_arms, options);
+  Outcome<SearchedModel> chosen = WithChosenShapes(found.model, options);
   if (!chosen) {
     rig = std::move(found.model.problem);
     calibration.refined = chosen.failure();
