@@ -39,9 +39,7 @@ Arm ReadArmFile(const std::filesystem::path& path, const Arm& nominal) {
     throw InputError(path.string() + ": describes six joints, but the arm " + nominal.name + " has " +
                      std::to_string(nominal.num_joints()));
   }
-  Arm arm = WithLoadOf(ArmFromAxes(nominal.name, axes, base_from_link), nominal);
-  arm.limits = nominal.limits;
-  return arm;
+  return WithLoadAndLimitsOf(ArmFromAxes(nominal.name, axes, base_from_link), nominal);
 }
 
 Outcome<std::string> ArmFileText(const Arm& yielding_arm) {

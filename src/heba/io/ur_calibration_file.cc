@@ -174,10 +174,7 @@ Arm ParseUrCalibration(const std::string& text, const std::filesystem::path& fil
            std::string(kStatusKey) + ": 0 says that the arm has not been calibrated; leave out the file");
   }
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(arm.num_joints());
-  const Arm& nominal = *FindArm(arm_name);
-  Arm calibrated = WithLoadOf(ArmFromAxes(arm.name, AxesOf(arm, zero), BaseFromTip(arm, zero)), nominal);
-  calibrated.limits = nominal.limits;
-  return calibrated;
+  return WithLoadAndLimitsOf(ArmFromAxes(arm.name, AxesOf(arm, zero), BaseFromTip(arm, zero)), *FindArm(arm_name));
 }
 
 Outcome<std::string> UrCalibrationText(const Arm& yielding_arm) {

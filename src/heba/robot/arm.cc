@@ -151,7 +151,8 @@ Arm WithLinksInBase(Arm arm, std::vector<PointMass> links_in_base) {
   return WithLinks(std::move(arm), std::move(links_in_base));
 }
 
-Arm WithLoadOf(Arm arm, const Arm& other) {
+Arm WithLoadAndLimitsOf(Arm arm, const Arm& other) {
+  arm.limits = other.limits;
   arm.load = nullptr;
   if (other.load == nullptr) return arm;
   std::vector<PointMass> links = other.load->links;

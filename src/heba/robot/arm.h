@@ -92,8 +92,9 @@ Arm WithChanges(Arm arm, const Eigen::VectorXd& changes);
 Arm WithLinks(Arm arm, std::vector<PointMass> links);
 // Likewise with centres in the base when all joints are at zero.
 Arm WithLinksInBase(Arm arm, std::vector<PointMass> links_in_base);
-// Returns the arm with the weight of `other`, whose joints must be at the same places; without one if it has none.
-Arm WithLoadOf(Arm arm, const Arm& other);
+// Returns the arm with the weight and the limits of `other`, whose joints must be at the same places; without those
+// that it does not have.
+Arm WithLoadAndLimitsOf(Arm arm, const Arm& other);
 // Returns the arm with a mass on its tip, with its centre in the tip's frame. The arm must have a load.
 Arm WithPayload(Arm arm, const PointMass& payload);
 // Returns the arm without its load and its compliances.

@@ -179,7 +179,7 @@ TEST(ArmTest, LoadFollowsTheAxes) {
   Rng rng(10);
   const Arm& arm = *FindArm("ur5e");
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(6);
-  const Arm again = WithLoadOf(ArmFromAxes("again", AxesOf(arm, zero), BaseFromTip(arm, zero)), arm);
+  const Arm again = WithLoadAndLimitsOf(ArmFromAxes("again", AxesOf(arm, zero), BaseFromTip(arm, zero)), arm);
   for (int i = 0; i < 5; ++i) {
     const Eigen::VectorXd joints = RandomJoints(arm, rng);
     EXPECT_LT((GravityTorques(arm, joints) - GravityTorques(again, joints)).norm(), 1e-10);
