@@ -18,7 +18,9 @@
 namespace heba {
 namespace {
 
+// Returns an arm of another size, whose joints turn without limits.
 Arm Scaled(Arm arm, double scale) {
+  arm.limits.clear();
   for (ArmJoint& joint : arm.joints) {
     joint.d_m *= scale;
     joint.a_m *= scale;

@@ -219,9 +219,11 @@ std::optional<Eigen::VectorXd> WithinLimits(const Arm& arm, Eigen::VectorXd join
 double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   double sum = 0;
   for (Eigen::Index j = 0; j < a.size(); ++j) {
+    const size_t joint = static_cast<size_t>(j);
+    const bool has_limits = !arm.limits.empty() && std::isfinite(arm.limits[joint].low);
     const double difference = a[j] - b[j];
     const double to_next =
-        arm.joints[static_cast<size_t>(j)].is_turning ? std::remainder(difference, 2 * kPi) : difference;
+        arm.joints[joint].is_turning && !has_limits ? std::remainder(difference, 2 * kPi) : difference;
     sum += to_next * to_next;
   }
   return std::sqrt(sum);

@@ -32,8 +32,8 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
 // stays beyond its limits.
 std::optional<Eigen::VectorXd> WithinLimits(const Arm& arm, Eigen::VectorXd joints);
 
-// Returns how far apart two postures are: the norm of the differences of their joints, of which those that turn count
-// to the next whole turn.
+// Returns how far apart two postures are: the norm of the differences of their joints. Those of joints that turn
+// without known limits count to the next whole turn, which a joint with limits may not reach.
 double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b);
 
 // Returns the origins of the frames that follow the joints, in the base, m.

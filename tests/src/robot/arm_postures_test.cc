@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/rng.h"
+#include "heba/base/units.h"
 #include "heba/robot/arm_table.h"
 #include "heba/robot/ur_kinematics.h"
 #include "tests/support/arm_joints.h"
@@ -112,6 +113,15 @@ TEST_P(LimitsTest, PosturesAreMovedByWholeTurnsAndNotBeyondTheLimits) {
     turned[j] = limits.high + 0.5 * (2 * kPi - (limits.high - limits.low));
     EXPECT_FALSE(WithinLimits(arm, turned).has_value());
   }
+}
+
+TEST(ArmPosturesTest, JointsWithLimitsDoNotTurnPastThem) {
+  Arm arm = *FindArm("kuka_kr6_r900");
+  ASSERT_LT(arm.limits[0].high, kPi);
+  const Eigen::VectorXd a = Eigen::VectorXd::Unit(arm.num_joints(), 0) * DegToRad(165);
+  EXPECT_NEAR(PostureDistance(arm, a, -a), DegToRad(330), 1e-12);
+  arm.limits.clear();
+  EXPECT_NEAR(PostureDistance(arm, a, -a), DegToRad(30), 1e-12);
 }
 
 TEST(ArmPosturesTest, RedundantArmsNeedAStart) {
