@@ -260,13 +260,81 @@ Failure WhyNothingExplained(const std::optional<RobotNoise>& before, const std::
            {"after_deg", RadToDeg(after->rotation_rad)}}};
 }
 
-// SearchArmErrors returns the model with errors of arms and how they were chosen.
-struct ModelWithArmErrors {
-  SearchedModel model;
-  std::vector<ArmErrorChoice> choices;
-};
+// Returns whether a size of a target that contradicts what is known about it explains the poses of the arms better than
+// smooth errors do: it is far from what is known beside these, too, and less white noise is left with it.
+bool IsSizeWrong(const SearchedModel& as_known, const SearchedModel& widened, double robot_scale_sigma) {
+  constexpr double kMostLeft = 0.7;
+  const Solution& solution = widened.judged.solution;
+  bool has_any = false;
+  for (size_t t = 0; t < widened.problem.targets.size(); ++t) {
+    has_any = has_any || Contradiction(widened.problem.targets[t], solution, t, robot_scale_sigma) > 0;
+  }
+  for (size_t r = 0; r < solution.robot_noise.size() && has_any; ++r) {
+    const std::optional<RobotNoise>& before = as_known.judged.solution.robot_noise[r];
+    const std::optional<RobotNoise>& after = solution.robot_noise[r];
+    if (before && after && after->translation_m < kMostLeft * before->translation_m) return true;
+  }
+  return false;
+}
 
-ModelWithArmErrors SearchArmErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
+// Returns the product of all sigmas of the arms' poses.
+double NoiseVolume(const SearchedModel& model) {
+  double volume = 1;
+  for (size_t r = 0; r < model.problem.robots.size(); ++r) {
+    const std::optional<RobotNoise> noise = NoiseOfPoses(model.problem, model.judged.solution, r);
+    if (noise) volume *= noise->translation_m * noise->rotation_rad;
+  }
+  return volume;
+}
+
+}  // namespace
+
+RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& gripper_by_joints) {
+  double translation_m2 = 0;
+  double rotation_rad2 = 0;
+  for (const Matrix6X& by_joints : gripper_by_joints) {
+    translation_m2 += by_joints.topRows<3>().squaredNorm() / 3;
+    rotation_rad2 += by_joints.bottomRows<3>().squaredNorm() / 3;
+  }
+  const double variance_rad2 =
+      noise.joint_rad * noise.joint_rad / std::max<double>(1, static_cast<double>(gripper_by_joints.size()));
+  return {std::sqrt(noise.translation_m * noise.translation_m + variance_rad2 * translation_m2),
+          std::sqrt(noise.rotation_rad * noise.rotation_rad + variance_rad2 * rotation_rad2), 0};
+}
+
+std::optional<RobotNoise> NoiseOfPoses(const Problem& problem, const Solution& solution, size_t robot) {
+  const std::optional<RobotNoise>& noise = solution.robot_noise[robot];
+  if (!noise) return std::nullopt;
+  std::vector<Matrix6X> by_joints;
+  for (const ProblemCapture& capture : problem.captures) {
+    if (!capture.postures.empty()) by_joints.push_back(capture.postures[robot].gripper_by_joints);
+  }
+  return WithJointNoise(*noise, by_joints);
+}
+
+Outcome<SearchedModel> WithChosenParts(const SearchedModel& model, const ModelSpace& space, const Judge& judge) {
+  Outcome<SearchedModel> chosen = ChosenOnce(model, space, judge);
+  if (!chosen || chosen->judged.left_out == model.judged.left_out) return chosen;
+  Outcome<SearchedModel> again = ChosenOnce(*chosen, space, KeepImages);
+  if (again) chosen = std::move(again);
+  return chosen;
+}
+
+SearchedModel WithChosenTwists(const SearchedModel& model, const std::vector<bool>& twists) {
+  if (std::find(twists.begin(), twists.end(), true) == twists.end()) return model;
+  ModelSpace space;
+  space.twists = twists;
+  Outcome<SearchedModel> chosen = ChosenOnce(model, space, KeepImages);
+  if (!chosen || NoiseVolume(*chosen) > NoiseVolume(model)) return model;
+  // The choice is one among models with the same errors of arms.
+  chosen->model.effects = model.model.effects;
+  for (ProblemAlternative& one : chosen->alternatives) one.model.effects = model.model.effects;
+  chosen->alternatives.insert(chosen->alternatives.begin(), model.alternatives.begin(), model.alternatives.end());
+  chosen->lenses = model.lenses;
+  return *std::move(chosen);
+}
+
+ModelWithArmErrors WithArmErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
   SearchedModel with_errors = model;
   ModelSpace parts = space.parts;
   parts.arms.resize(space.arms.size());
@@ -341,11 +409,11 @@ ModelWithArmErrors SearchArmErrors(const SearchedModel& model, const ErrorSpace&
     // The others are judged without this arm.
     ErrorSpace without = space;
     without.arms[choice.robot] = {};
-    ModelWithArmErrors of_others = SearchArmErrors(model, without, judge);
+    ModelWithArmErrors of_others = WithArmErrors(model, without, judge);
     ArmErrorChoice declined = choice;
     declined.model = nullptr;
     declined.reason = reason;
-    of_others.choices.push_back(std::move(declined));
+    of_others.arms.push_back(std::move(declined));
     return of_others;
   }
   const bool is_declined =
@@ -355,35 +423,14 @@ ModelWithArmErrors SearchArmErrors(const SearchedModel& model, const ErrorSpace&
   return {std::move(with_errors), std::move(choices)};
 }
 
-// Returns whether a size of a target that contradicts what is known about it explains the poses of the arms better than
-// smooth errors do: it is far from what is known beside these, too, and less white noise is left with it.
-bool IsSizeWrong(const SearchedModel& as_known, const SearchedModel& widened, double robot_scale_sigma) {
-  constexpr double kMostLeft = 0.7;
-  const Solution& solution = widened.judged.solution;
-  bool has_any = false;
-  for (size_t t = 0; t < widened.problem.targets.size(); ++t) {
-    has_any = has_any || Contradiction(widened.problem.targets[t], solution, t, robot_scale_sigma) > 0;
-  }
-  for (size_t r = 0; r < solution.robot_noise.size() && has_any; ++r) {
-    const std::optional<RobotNoise>& before = as_known.judged.solution.robot_noise[r];
-    const std::optional<RobotNoise>& after = solution.robot_noise[r];
-    if (before && after && after->translation_m < kMostLeft * before->translation_m) return true;
-  }
-  return false;
-}
-
-// SearchSmoothErrors returns the model with smooth errors and what was added.
-struct ModelWithSmoothErrors {
-  SearchedModel model;
-  std::vector<AddedSmoothErrors> added;
-};
-
-// The lens and the shapes of the targets stay as they were chosen: smooth errors resemble what a target of another
-// shape leaves, so that the captures do not tell which is true, and a scale that is free has a prior, while one that is
-// held may be wrong.
-ModelWithSmoothErrors SearchSmoothErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
+ModelWithSmoothErrors WithSmoothErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
+  const Problem& problem = model.problem;
+  const std::vector<Eigen::Index> num_joints = NoisyJointsOf(problem, MovingRobots(problem));
+  const bool has_noisy_joints = std::any_of(num_joints.begin(), num_joints.end(), [](Eigen::Index n) { return n > 0; });
   const bool is_free = model.options.robot == BundleOptions::Robot::kEstimatedNoise || space.parts.robot_noise;
-  if (space.smooth == SmoothPoseErrors::kNone || !is_free || model.options.robot_noise_prior) return {model, {}};
+  if (space.smooth == SmoothPoseErrors::kNone || !is_free || has_noisy_joints || model.options.robot_noise_prior) {
+    return {model, {}};
+  }
   const Solution& solution = model.judged.solution;
   std::vector<AddedSmoothErrors> added;
   SearchedModel with_errors = model;
@@ -414,77 +461,6 @@ ModelWithSmoothErrors SearchSmoothErrors(const SearchedModel& model, const Error
     if (widened && IsSizeWrong(*adjusted, *widened, space.robot_scale_sigma)) adjusted = std::move(widened);
   }
   return {*std::move(adjusted), std::move(added)};
-}
-
-}  // namespace
-
-RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& gripper_by_joints) {
-  double translation_m2 = 0;
-  double rotation_rad2 = 0;
-  for (const Matrix6X& by_joints : gripper_by_joints) {
-    translation_m2 += by_joints.topRows<3>().squaredNorm() / 3;
-    rotation_rad2 += by_joints.bottomRows<3>().squaredNorm() / 3;
-  }
-  const double variance_rad2 =
-      noise.joint_rad * noise.joint_rad / std::max<double>(1, static_cast<double>(gripper_by_joints.size()));
-  return {std::sqrt(noise.translation_m * noise.translation_m + variance_rad2 * translation_m2),
-          std::sqrt(noise.rotation_rad * noise.rotation_rad + variance_rad2 * rotation_rad2), 0};
-}
-
-std::optional<RobotNoise> NoiseOfPoses(const Problem& problem, const Solution& solution, size_t robot) {
-  const std::optional<RobotNoise>& noise = solution.robot_noise[robot];
-  if (!noise) return std::nullopt;
-  std::vector<Matrix6X> by_joints;
-  for (const ProblemCapture& capture : problem.captures) {
-    if (!capture.postures.empty()) by_joints.push_back(capture.postures[robot].gripper_by_joints);
-  }
-  return WithJointNoise(*noise, by_joints);
-}
-
-Outcome<SearchedModel> WithChosenParts(const SearchedModel& model, const ModelSpace& space, const Judge& judge) {
-  Outcome<SearchedModel> chosen = ChosenOnce(model, space, judge);
-  if (!chosen || chosen->judged.left_out == model.judged.left_out) return chosen;
-  Outcome<SearchedModel> again = ChosenOnce(*chosen, space, KeepImages);
-  if (again) chosen = std::move(again);
-  return chosen;
-}
-
-namespace {
-
-// Returns the product of all sigmas of the arms' poses.
-double NoiseVolume(const SearchedModel& model) {
-  double volume = 1;
-  for (size_t r = 0; r < model.problem.robots.size(); ++r) {
-    const std::optional<RobotNoise> noise = NoiseOfPoses(model.problem, model.judged.solution, r);
-    if (noise) volume *= noise->translation_m * noise->rotation_rad;
-  }
-  return volume;
-}
-
-}  // namespace
-
-SearchedModel WithChosenTwists(const SearchedModel& model, const std::vector<bool>& twists) {
-  if (std::find(twists.begin(), twists.end(), true) == twists.end()) return model;
-  ModelSpace space;
-  space.twists = twists;
-  Outcome<SearchedModel> chosen = ChosenOnce(model, space, KeepImages);
-  if (!chosen || NoiseVolume(*chosen) > NoiseVolume(model)) return model;
-  // The choice is one among models with the same errors of arms.
-  chosen->model.effects = model.model.effects;
-  for (ProblemAlternative& one : chosen->alternatives) one.model.effects = model.model.effects;
-  chosen->alternatives.insert(chosen->alternatives.begin(), model.alternatives.begin(), model.alternatives.end());
-  chosen->lenses = model.lenses;
-  return *std::move(chosen);
-}
-
-FoundErrors FindErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
-  ModelWithArmErrors of_arms = SearchArmErrors(model, space, judge);
-  const Problem& problem = of_arms.model.problem;
-  const std::vector<Eigen::Index> num_joints = NoisyJointsOf(problem, MovingRobots(problem));
-  const bool has_noisy_joints = std::any_of(num_joints.begin(), num_joints.end(), [](Eigen::Index n) { return n > 0; });
-  if (has_noisy_joints) return {std::move(of_arms.model), std::move(of_arms.choices), {}};
-  ModelWithSmoothErrors smooth = SearchSmoothErrors(of_arms.model, space, judge);
-  return {std::move(smooth.model), std::move(of_arms.choices), std::move(smooth.added)};
 }
 
 }  // namespace heba

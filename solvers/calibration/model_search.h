@@ -46,21 +46,34 @@ struct ErrorSpace {
   double robot_scale_sigma = kRobotScaleSigma;  // CalibrationOptions::robot_scale_sigma.
 };
 
-struct FoundErrors {
-  SearchedModel model;               // The found errors are part of it.
-  std::vector<ArmErrorChoice> arms;  // One entry for each arm that has models to choose from.
-  std::vector<AddedSmoothErrors> smooth;
+// A model with errors of arms, and how they were chosen: one entry for each arm that has models to choose from.
+struct ModelWithArmErrors {
+  SearchedModel model;
+  std::vector<ArmErrorChoice> arms;
+};
+
+// A model with smooth errors, and what was added.
+struct ModelWithSmoothErrors {
+  SearchedModel model;
+  std::vector<AddedSmoothErrors> added;
 };
 
 // Returns the noise of an arm's poses, that of its joints included (WithJointNoise); nothing if the arm has none.
 std::optional<RobotNoise> NoiseOfPoses(const Problem& problem, const Solution& solution, size_t robot);
 
 // Returns a model with the errors of the arms if the captures require them or if they are wanted without a choice
-// (ArmErrorModels), and with errors that vary smoothly with the pose of the arms of which no others are estimated; the
-// model as it is if there are none.
+// (ArmErrorModels); the model as it is if there are none.
 //
 // The configuration of an arm is that of the largest restricted likelihood with the largest model. The models of all
 // arms are then chosen together, and with them the other parts.
-FoundErrors FindErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge);
+ModelWithArmErrors WithArmErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge);
+
+// Returns a model with errors that vary smoothly with the pose of the arms of which no others are estimated; the model
+// as it is if there are none, or if joints have noise.
+//
+// The lens and the shapes of the targets stay as they were chosen: smooth errors resemble what a target of another
+// shape leaves, so that the captures do not tell which is true, and a scale that is free has a prior, while one that is
+// held may be wrong.
+ModelWithSmoothErrors WithSmoothErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge);
 
 }  // namespace heba

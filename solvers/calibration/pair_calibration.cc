@@ -667,10 +667,11 @@ RobotErrorsFound CalibrateRobotErrors(const PairCalibration& before, const PairC
   for (auto& effects : arm.effects_of_captures) effects = of_views(effects);
   for (auto& joints : arm.joints_of_captures) joints = of_views(joints);
   for (auto& positions : arm.positions_of_captures) positions = of_views(positions);
-  FoundErrors of_model = FindErrors(problem.model, space, SettleCaptures);
-  problem.model = std::move(of_model.model);
-  if (!of_model.arms.empty()) found.arm = std::move(of_model.arms.front());
-  if (!of_model.smooth.empty()) found.smooth = std::move(of_model.smooth.front());
+  ModelWithArmErrors of_arm = WithArmErrors(problem.model, space, SettleCaptures);
+  if (!of_arm.arms.empty()) found.arm = std::move(of_arm.arms.front());
+  ModelWithSmoothErrors smooth = WithSmoothErrors(of_arm.model, space, SettleCaptures);
+  if (!smooth.added.empty()) found.smooth = std::move(smooth.added.front());
+  problem.model = std::move(smooth.model);
   const bool has_arm = found.arm && found.arm->reason.empty();
   if (!has_arm && !found.smooth) return found;
 

@@ -171,18 +171,18 @@ bool KnowsArms(const CalibrationOptions& options) {
 // A calibration without the images of moved cameras, and its model with the errors of arms.
 struct CalibrationAtRest {
   StartedCalibration started;  // Its adjustment fails if one without the images does.
-  FoundErrors found;
+  ModelWithArmErrors found;
 };
 
-// Leaves out the images of cameras on one side of their motions: two motions of one camera, or those of several
-// cameras, are found one after the other. `find_errors` makes errors of arms part of the model before a motion is
-// looked for.
-CalibrationAtRest WithoutMotions(StartedCalibration started, const CalibrationOptions& options,
-                                 const std::function<FoundErrors(const SearchedModel&)>& find_errors) {
-  const int most_motions = options.adjustment.loss == LossKind::kNone ? 0 : kMostMotions;
-  FoundErrors found;
+// Leaves out the images of cameras on one side of their motions, if these are looked for: two motions of one camera, or
+// those of several cameras, are found one after the other. `with_arm_errors` makes errors of arms part of the model
+// before a motion is looked for.
+CalibrationAtRest WithoutMotions(StartedCalibration started, const CalibrationOptions& options, bool looks_for_motions,
+                                 const std::function<ModelWithArmErrors(const SearchedModel&)>& with_arm_errors) {
+  const int most_motions = !looks_for_motions || options.adjustment.loss == LossKind::kNone ? 0 : kMostMotions;
+  ModelWithArmErrors found;
   for (int motion = 0; started.judged; ++motion) {
-    found = find_errors({started.calibration.problem, options.adjustment, *started.judged});
+    found = with_arm_errors({started.calibration.problem, options.adjustment, *started.judged});
     if (motion == most_motions) break;
     const std::optional<MovedCamera> moved =
         FindMovedCamera(found.model.problem, found.model.judged, options.adjustment);
@@ -196,15 +196,16 @@ CalibrationAtRest WithoutMotions(StartedCalibration started, const CalibrationOp
   return {std::move(started), std::move(found)};
 }
 
-// Returns the model with the shapes of targets that its images require, if they are to be chosen.
-Outcome<SearchedModel> WithChosenShapes(const SearchedModel& model, const CalibrationOptions& options) {
-  if (!options.choose_target_shape) return model;
-  const bool knows_arms = KnowsArms(options);
-  ModelSpace shapes = MovedShapes(model.problem);
+// Returns the model with the shapes of targets that its images require, beside the errors of arms, which resemble
+// twists.
+Outcome<SearchedModel> WithChosenShapes(const ModelWithArmErrors& found) {
+  const bool has_arm_errors =
+      std::any_of(found.arms.begin(), found.arms.end(), [](const ArmErrorChoice& arm) { return arm.model != nullptr; });
+  ModelSpace shapes = MovedShapes(found.model.problem);
   const std::vector<bool> twists = shapes.twists;
-  if (knows_arms) shapes.twists.clear();
-  Outcome<SearchedModel> chosen = WithChosenParts(model, shapes, LeaveOutOutliers);
-  if (!chosen || !knows_arms) return chosen;
+  if (has_arm_errors) shapes.twists.clear();
+  Outcome<SearchedModel> chosen = WithChosenParts(found.model, shapes, LeaveOutOutliers);
+  if (!chosen || !has_arm_errors) return chosen;
   return WithChosenTwists(*chosen, twists);
 }
 
@@ -258,9 +259,8 @@ Outcome<StartedCalibration> StartCalibration(const Problem& problem, const Calib
     rig = *std::move(held);
     started.judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
   }
-  if (KnowsArms(options)) return started;
-  const auto as_it_is = [](const SearchedModel& model) { return FoundErrors{model, {}, {}}; };
-  return WithoutMotions(std::move(started), options, as_it_is).started;
+  const auto as_it_is = [](const SearchedModel& model) { return ModelWithArmErrors{model, {}}; };
+  return WithoutMotions(std::move(started), options, !KnowsArms(options), as_it_is).started;
 }
 
 Calibration FirstAdjustment(const StartedCalibration& started) {
@@ -270,40 +270,29 @@ Calibration FirstAdjustment(const StartedCalibration& started) {
   return calibration;
 }
 
-Calibration FinishCalibration(StartedCalibration started, const CalibrationOptions& options) {
+Calibration FinishCalibration(StartedCalibration started_in, const CalibrationOptions& options) {
   const ErrorSpace space{{}, options.arms, options.smooth, true, options.robot_scale_sigma};
-  const bool knows_arms = KnowsArms(options);
-  FoundErrors found;
-  const auto find_errors = [&](const SearchedModel& model) { return FindErrors(model, space, LeaveOutOutliers); };
-  if (knows_arms) {
-    CalibrationAtRest at_rest = WithoutMotions(std::move(started), options, find_errors);
-    started = std::move(at_rest.started);
-    found = std::move(at_rest.found);
-  }
+  const auto with_arm_errors = [&](const SearchedModel& model) {
+    return WithArmErrors(model, space, LeaveOutOutliers);
+  };
+  auto [started, found] = WithoutMotions(std::move(started_in), options, KnowsArms(options), with_arm_errors);
   Calibration calibration = std::move(started.calibration);
   Problem& rig = calibration.problem;
   if (!started.judged) {
     calibration.refined = started.judged.failure();
     return calibration;
   }
-  // The errors of a known arm resemble shapes, which are chosen beside them; without a known arm, smooth errors come
-  // after the shapes.
-  if (!knows_arms) found.model = {rig, options.adjustment, *std::move(started.judged)};
   calibration.arms = found.arms;
-  Outcome<SearchedModel> chosen = WithChosenShapes(found.model, options);
+  Outcome<SearchedModel> chosen = options.choose_target_shape ? WithChosenShapes(found) : found.model;
   if (!chosen) {
     rig = std::move(found.model.problem);
     calibration.refined = chosen.failure();
     return calibration;
   }
-  if (knows_arms) {
-    found.model = *std::move(chosen);
-  } else {
-    found = find_errors(*chosen);
-  }
-  calibration.smooth_errors = std::move(found.smooth);
-  rig = std::move(found.model.problem);
-  JudgedProblem& judged = found.model.judged;
+  ModelWithSmoothErrors smooth = WithSmoothErrors(*chosen, space, LeaveOutOutliers);
+  calibration.smooth_errors = std::move(smooth.added);
+  rig = std::move(smooth.model.problem);
+  JudgedProblem& judged = smooth.model.judged;
   for (UnusedProblemImage& unused : Describe(rig, judged)) calibration.unused.push_back(std::move(unused));
   rig = Without(std::move(rig), judged.left_out);
   // The points that the adjustment did not use keep their entries in `rejected_ids`.

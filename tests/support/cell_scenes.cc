@@ -77,6 +77,24 @@ void AddLeftAndRight(const CellSceneSetting& setting, Rng& rng, CellScene* scene
   AddCamera("right", base, LookingAt({0.6, 0.55, 0.55}, kWorkPlace, rng.Uniform(-1, 1)), setting, scene);
 }
 
+void AddSmoothErrors(const RobotNoise& sigma, const SmoothLengths& lengths, uint64_t seed, CellScene* scene) {
+  Rng rng(seed);
+  for (size_t r = 0; r < scene->problem.robots.size(); ++r) {
+    std::vector<Rigid3d> poses;
+    for (const ProblemCapture& capture : scene->problem.captures) poses.push_back(capture.base_from_gripper[r]);
+    const SmoothErrors errors(poses, lengths);
+    Eigen::VectorXd effects(errors.effects().size());
+    for (Eigen::Index i = 0; i < effects.size(); ++i) {
+      const bool is_rotation = errors.effects().effects[static_cast<size_t>(i)].group == 1;
+      effects[i] = rng.Normal() * (is_rotation ? sigma.rotation_rad : sigma.translation_m);
+    }
+    for (size_t i = 0; i < poses.size(); ++i) {
+      Rigid3d& reported = scene->problem.captures[i].base_from_gripper[r];
+      reported = reported * Inverse(errors.EffectAt(poses[i])->Evaluate(effects, nullptr));
+    }
+  }
+}
+
 CellScene MixedCell(uint64_t seed, const CellSceneSetting& setting) {
   Rng rng = SceneRng(seed);
   CellScene scene = OneArmScene();

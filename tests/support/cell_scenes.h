@@ -6,6 +6,7 @@
 
 #include "heba/base/units.h"
 #include "heba/data/problem.h"
+#include "heba/data/smooth_errors.h"
 #include "heba/simulation/scene.h"
 #include "tests/support/scenes.h"
 
@@ -54,6 +55,9 @@ CellScene OneArmScene();
 
 // Adds the fixed cameras left and right, which look at the place where the arm works.
 void AddLeftAndRight(const CellSceneSetting& setting, Rng& rng, CellScene* scene);
+
+// Draws errors of each arm that vary smoothly with the pose, and makes them part of the poses that it reports.
+void AddSmoothErrors(const RobotNoise& sigma, const SmoothLengths& lengths, uint64_t seed, CellScene* scene);
 
 // Two fixed cameras and one on the gripper, a target on the gripper and one beside the arm.
 CellScene MixedCell(uint64_t seed, const CellSceneSetting& setting = {});

@@ -1,4 +1,5 @@
 // Tests of errors of the arms' kinematics in the calibration of a rig.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <string>
@@ -23,10 +24,11 @@ CellSceneSetting Setting(int num_captures) {
   return setting;
 }
 
-Calibration Calibrated(const CellArmScene& scene, std::vector<ArmErrorModels> arms) {
+Calibration Calibrated(const CellArmScene& scene, std::vector<ArmErrorModels> arms,
+                       SmoothPoseErrors smooth = SmoothPoseErrors::kNone) {
   CalibrationOptions options;
   options.has_camera.assign(scene.rig.problem.cameras.size(), true);
-  options.smooth = SmoothPoseErrors::kNone;
+  options.smooth = smooth;
   options.arms = std::move(arms);
   Outcome<Calibration> calibration = Calibrate(scene.rig.problem, options);
   CHECK(calibration.ok()) << calibration.reason();
@@ -99,6 +101,30 @@ TEST(CellArmsTest, AnArmWithoutErrorsIsDeclinedAndTheResultIsTheSame) {
   EXPECT_EQ(found.arms.front().model, nullptr);
   EXPECT_EQ(found.arms.front().reason.code, "no_better_than_noise");
   const Calibration plain = Calibrated(scene, {});
+  for (size_t c = 0; c < 3; ++c) {
+    EXPECT_LT(DistanceM(found.refined->poses.mount_from_camera[c], plain.refined->poses.mount_from_camera[c]), 1e-9);
+  }
+}
+
+// The stated joints belong to other captures, so that they explain none of the errors that the arm has.
+TEST(CellArmsTest, ADeclinedArmHasTheErrorsAndTheShapesOfOneThatIsNotNamed) {
+  const CellSceneSetting setting = Setting(40);
+  CellArmScene scene = WithArms(ReachableCell(3, setting), setting, {}, 5);
+  AddSmoothErrors({0.2e-3, DegToRad(0.04), 0}, {}, 6, &scene.rig);
+  std::vector<ArmErrorModels> arms = ErrorsOf(scene);
+  std::vector<std::shared_ptr<const PoseEffect>>& effects = arms.front().effects_of_captures.front();
+  std::rotate(effects.begin(), effects.begin() + 7, effects.end());
+  const Calibration found = Calibrated(scene, arms, SmoothPoseErrors::kAuto);
+  ASSERT_EQ(found.arms.size(), 1U);
+  ASSERT_EQ(found.arms.front().model, nullptr);
+  const Calibration plain = Calibrated(scene, {}, SmoothPoseErrors::kAuto);
+  ASSERT_EQ(plain.smooth_errors.size(), 1U);
+  ASSERT_EQ(found.smooth_errors.size(), 1U);
+  EXPECT_NEAR(std::log(found.smooth_errors.front().p_value_without),
+              std::log(plain.smooth_errors.front().p_value_without), 1e-3);
+  for (size_t t = 0; t < plain.problem.targets.size(); ++t) {
+    EXPECT_EQ(found.problem.targets[t].free_shape, plain.problem.targets[t].free_shape);
+  }
   for (size_t c = 0; c < 3; ++c) {
     EXPECT_LT(DistanceM(found.refined->poses.mount_from_camera[c], plain.refined->poses.mount_from_camera[c]), 1e-9);
   }

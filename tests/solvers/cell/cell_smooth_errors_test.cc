@@ -7,30 +7,10 @@
 #include <gtest/gtest.h>
 
 #include "heba/calibration.h"
-#include "heba/data/smooth_errors.h"
 #include "tests/support/cell_scenes.h"
 
 namespace heba {
 namespace {
-
-// Draws smooth errors of each arm, and makes them part of the poses that it reports.
-void AddSmoothErrors(const RobotNoise& sigma, const SmoothLengths& lengths, uint64_t seed, CellScene* scene) {
-  Rng rng(seed);
-  for (size_t r = 0; r < scene->problem.robots.size(); ++r) {
-    std::vector<Rigid3d> poses;
-    for (const ProblemCapture& capture : scene->problem.captures) poses.push_back(capture.base_from_gripper[r]);
-    const SmoothErrors errors(poses, lengths);
-    Eigen::VectorXd effects(errors.effects().size());
-    for (Eigen::Index i = 0; i < effects.size(); ++i) {
-      const bool is_rotation = errors.effects().effects[static_cast<size_t>(i)].group == 1;
-      effects[i] = rng.Normal() * (is_rotation ? sigma.rotation_rad : sigma.translation_m);
-    }
-    for (size_t i = 0; i < poses.size(); ++i) {
-      Rigid3d& reported = scene->problem.captures[i].base_from_gripper[r];
-      reported = reported * Inverse(errors.EffectAt(poses[i])->Evaluate(effects, nullptr));
-    }
-  }
-}
 
 Calibration Calibrated(const CellScene& scene, SmoothPoseErrors smooth) {
   CalibrationOptions options;
