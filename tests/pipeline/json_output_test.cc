@@ -8,6 +8,8 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/robot/arm_postures.h"
+#include "heba/robot/arm_table.h"
 #include "tests/pipeline/cli.h"
 
 namespace heba {
@@ -111,6 +113,31 @@ TEST_F(JsonOutputTest, LocateListsAllPosesThatFit) {
       EXPECT_THAT(text, HasSubstr(Fixed(postures["postures"][0]["joints"][1], 3)));
     }
   }
+}
+
+TEST_F(JsonOutputTest, LocateFindsJointsOfArmsThatReachWithinTheirLimits) {
+  int num_postures = 0;
+  for (const char* const name : {"ur10e", "kuka_kr10_r1100", "kuka_iiwa14"}) {
+    const Arm& arm = *FindArm(name);
+    const Json json = Both({"locate", Path("run"), image_, "--robot", name}).first;
+    for (const Json& pose : json["images"][0]["poses"]) {
+      const Numbers t = pose["base_from_target"]["translation_m"];
+      const Numbers q = pose["base_from_target"]["quaternion_xyzw"];
+      const Rigid3d base_from_target(Eigen::Quaterniond(q[3], q[0], q[1], q[2]), Eigen::Vector3d(t[0], t[1], t[2]));
+      const Json& found = pose["postures"];
+      EXPECT_EQ(found["joints"].size(), arm.joints.size());
+      EXPECT_EQ(found["postures"].empty(), !found["reason"].get<std::string>().empty());
+      for (const Json& posture : found["postures"]) {
+        const Numbers deg = posture["joints"];
+        Eigen::VectorXd joints(arm.num_joints());
+        for (size_t j = 0; j < deg.size(); ++j) joints[static_cast<Eigen::Index>(j)] = DegToRad(deg[j]);
+        EXPECT_LT(LocalCoordinates(base_from_target, BaseFromTip(arm, joints)).norm(), 1e-6) << name;
+        EXPECT_EQ(WithinLimits(arm, joints), joints) << name;
+        ++num_postures;
+      }
+    }
+  }
+  EXPECT_GT(num_postures, 0);
 }
 
 TEST_F(JsonOutputTest, LocateStatesSigmasAndTheirParts) {

@@ -68,8 +68,8 @@ DEFINE_string(tool, "",
 DEFINE_string(grasp, "", "POSE|where the tool is to come, in the target, in the same forms");
 DEFINE_string(arm, "", "NAME|the arm of a rig with several arms whose poses are corrected");
 DEFINE_string(robot, "",
-              "ARM|arm for which joints that reach the target are computed: ur3 to ur30, or a .urdf file; of several "
-              "arms: as --pose");
+              "ARM|arm for which joints that reach the target are computed: ur5e, another of 'heba help config "
+              "robot.model', or a .urdf file; of several arms: as --pose");
 DEFINE_string(format, "", "FORM|format of the data set: industrial_calibration, easy_handeye2, ...; default: detected");
 DEFINE_string(target, "",
               "TARGET.yaml|the target in the images of a folder without a known format"

@@ -64,18 +64,19 @@ double InUnit(double joint, bool is_turning) { return is_turning ? RadToDeg(join
 
 Json PosturesJson(const ReachingPostures& found) {
   Json joints = Json::array();
-  for (size_t i = 0; i < found.joint_names.size(); ++i) {
-    joints.push_back(Json{{"name", found.joint_names[i]}, {"unit", UnitOf(found.are_turning[i])}});
+  const std::vector<ArmJoint>& of_arm = found.arm.arm.joints;
+  for (size_t i = 0; i < of_arm.size(); ++i) {
+    joints.push_back(Json{{"name", found.arm.joint_names[i]}, {"unit", UnitOf(of_arm[i].is_turning)}});
   }
   Json postures = Json::array();
   for (const ReachingPostures::Posture& posture : found.postures) {
     Json values = Json::array();
-    for (size_t i = 0; i < posture.joints.size(); ++i) {
-      values.push_back(InUnit(posture.joints[i], found.are_turning[i]));
+    for (size_t i = 0; i < of_arm.size(); ++i) {
+      values.push_back(InUnit(posture.joints[static_cast<Eigen::Index>(i)], of_arm[i].is_turning));
     }
     postures.push_back(Json{{"joints", values}, {"singularity", posture.singularity}});
   }
-  return Json{{"arm", found.arm}, {"reason", found.reason}, {"joints", joints}, {"postures", postures}};
+  return Json{{"arm", found.arm.name}, {"reason", found.reason}, {"joints", joints}, {"postures", postures}};
 }
 
 // Returns the postures of the arm of a single camera, or those of each arm by its name.

@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "heba/base/failure_code.h"
+#include "heba/base/rng.h"
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "heba/evaluation/arm_uncertainty.h"
 #include "heba/evaluation/pose_correction.h"
 #include "heba/robot/arm_postures.h"
@@ -115,31 +117,52 @@ std::vector<TargetReach> FindReaches(const LocationRequest& request, const Locat
   return reaches;
 }
 
+// Returns joints within the limits, those without limits within a turn: shares of 0 and 1 are the ends.
+template <class Share>
+Eigen::VectorXd JointsWithin(const Arm& arm, const Share& share) {
+  Eigen::VectorXd joints(arm.num_joints());
+  for (int j = 0; j < arm.num_joints(); ++j) {
+    JointLimits limits = arm.limits.empty() ? JointLimits{-kPi, kPi} : arm.limits[static_cast<size_t>(j)];
+    if (!std::isfinite(limits.high - limits.low)) limits = {-kPi, kPi};
+    joints[j] = limits.low + share() * (limits.high - limits.low);
+  }
+  return joints;
+}
+
+// Returns one posture of an arm with more than six joints: that near the middle of the limits or, if it is beyond them,
+// the first within them from random starts.
+Outcome<Eigen::VectorXd> AnyPostureOf(const Arm& arm, const Rigid3d& base_from_tip) {
+  constexpr int kMostStarts = 40;
+  Rng rng(1);
+  Outcome<Eigen::VectorXd> found = PostureNear(arm, base_from_tip, JointsWithin(arm, [] { return 0.5; }));
+  for (int start = 1; start < kMostStarts && !(found && WithinLimits(arm, *found)); ++start) {
+    const Eigen::VectorXd from = JointsWithin(arm, [&] { return rng.Uniform(0, 1); });
+    Outcome<Eigen::VectorXd> other = PostureNear(arm, base_from_tip, from);
+    if (other) found = std::move(other);
+  }
+  return found;
+}
+
 ReachingPostures FindPostures(const ReachingArm& arm, const Rigid3d& base_from_tip) {
   ReachingPostures found;
-  found.arm = arm.name;
-  if (arm.ur != nullptr) {
-    for (int joint = 1; joint <= 6; ++joint) found.joint_names.push_back("joint" + std::to_string(joint));
-    found.are_turning.assign(found.joint_names.size(), true);
-    const Outcome<std::vector<UrPosture>> postures = PosturesOf(*arm.ur, base_from_tip);
-    if (!postures) {
-      found.reason = postures.reason();
-      return found;
-    }
-    for (const UrPosture& posture : *postures) {
-      found.postures.push_back({{posture.joints_rad.begin(), posture.joints_rad.end()}, posture.singularity});
-    }
-    return found;
+  found.arm = arm;
+  std::vector<Eigen::VectorXd> postures;
+  if (arm.arm.num_joints() <= 6) {
+    Outcome<std::vector<Eigen::VectorXd>> all = PosturesOf(arm.arm, base_from_tip);
+    if (all) postures = *std::move(all);
+    if (!all) found.reason = all.reason();
+  } else {
+    const Outcome<Eigen::VectorXd> any = AnyPostureOf(arm.arm, base_from_tip);
+    if (any) postures = {*any};
+    if (!any) found.reason = any.reason();
   }
-  found.is_urdf = true;
-  found.joint_names = arm.urdf->joint_names();
-  for (size_t i = 0; i < found.joint_names.size(); ++i) found.are_turning.push_back(arm.urdf->IsTurning(i));
-  const Outcome<std::vector<std::vector<double>>> postures = arm.urdf->PosturesOf(base_from_tip);
-  if (!postures) {
-    found.reason = postures.reason();
-    return found;
+  for (const Eigen::VectorXd& posture : postures) {
+    const std::optional<Eigen::VectorXd> joints = WithinLimits(arm.arm, posture);
+    if (joints) found.postures.push_back({*joints, SingularityAt(arm.arm, *joints)});
   }
-  for (const std::vector<double>& joints : *postures) found.postures.push_back({joints, ""});
+  if (found.postures.empty() && found.reason.empty()) {
+    found.reason = "no posture that was found is within the limits of the joints";
+  }
   return found;
 }
 

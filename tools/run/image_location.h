@@ -13,8 +13,7 @@
 #include "heba/detection.h"
 #include "heba/evaluation/run_result.h"
 #include "heba/location.h"
-#include "heba/robot/ur_kinematics.h"
-#include "heba/robot/urdf_arm.h"
+#include "heba/robot/arm.h"
 #include "heba/target.h"
 
 namespace heba {
@@ -25,21 +24,20 @@ bool IsSingleCamera(const Problem& rig);
 // An arm whose joints are to be found: one of the built-in table, or a URDF's from its root to its only tip.
 struct ReachingArm {
   std::string name;  // The name in the table, or the path of the URDF.
-  const UrRobot* ur = nullptr;
-  std::shared_ptr<const UrdfArm> urdf = nullptr;
+  Arm arm;
+  std::vector<std::string> joint_names;
 };
 
-// The joints with which an arm brings its flange (its tip for a URDF) to a pose in its base.
+// The joints with which an arm brings its flange to a pose in its base, within their limits if these are known. Of an
+// arm with more than six joints it is one of infinitely many postures, near the middle of the limits if that is
+// possible.
 struct ReachingPostures {
   struct Posture {
-    std::vector<double> joints;  // rad or m.
-    std::string singularity;     // UrPosture::singularity.
+    Eigen::VectorXd joints;   // rad or m.
+    std::string singularity;  // SingularityAt.
   };
   size_t robot = 0;  // The arm of the result in whose place the arm stands.
-  std::string arm;
-  bool is_urdf = false;
-  std::vector<std::string> joint_names;
-  std::vector<bool> are_turning;
+  ReachingArm arm;
   std::vector<Posture> postures;
   std::string reason;  // Why there is none.
 };

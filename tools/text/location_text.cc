@@ -1,5 +1,6 @@
 #include "tools/text/location_text.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "heba/base/text.h"
@@ -116,20 +117,25 @@ std::string PosturesText(const Problem& rig, const std::vector<ReachingPostures>
   std::string text;
   for (const ReachingPostures& postures : all) {
     const std::string& robot = rig.robots[postures.robot];
-    text += "  " + (robot.empty() ? "" : "arm " + robot + ", ") + postures.arm + ": ";
+    text += "  " + (robot.empty() ? "" : "arm " + robot + ", ") + postures.arm.name + ": ";
     if (!postures.reason.empty()) {
       text += postures.reason + "\n";
       continue;
     }
-    text += std::to_string(postures.postures.size()) +
-            (postures.is_urdf ? " postures found that align the tip's frame with " + what + "; " +
-                                    Join(postures.joint_names, ", ") + " in deg or m:\n"
-                              : " postures align the flange's frame with " + what + "; joints in deg:\n");
+    const std::vector<ArmJoint>& joints = postures.arm.arm.joints;
+    const bool all_turn = std::all_of(joints.begin(), joints.end(), [](const ArmJoint& one) { return one.is_turning; });
+    const size_t num_postures = postures.postures.size();
+    text += std::to_string(num_postures) +
+            (joints.size() > 6   ? " posture, of infinitely many, aligns"
+             : num_postures == 1 ? " posture aligns"
+                                 : " postures align") +
+            " the flange's frame with " + what + "; " + Join(postures.arm.joint_names, ", ") +
+            (all_turn ? " in deg:\n" : " in deg or m:\n");
     for (const ReachingPostures::Posture& posture : postures.postures) {
       text += "   ";
-      for (size_t i = 0; i < posture.joints.size(); ++i) {
-        const double joint = posture.joints[i];
-        text += PadLeft(postures.are_turning[i] ? Fixed(RadToDeg(joint), 3) : Fixed(joint, 5), 10);
+      for (size_t i = 0; i < joints.size(); ++i) {
+        const double joint = posture.joints[static_cast<Eigen::Index>(i)];
+        text += PadLeft(joints[i].is_turning ? Fixed(RadToDeg(joint), 3) : Fixed(joint, 5), 10);
       }
       text += (posture.singularity.empty() ? "" : "  (" + posture.singularity + ")") + "\n";
     }

@@ -118,11 +118,11 @@ std::vector<Eigen::VectorXd> SortedPostures(std::vector<Eigen::VectorXd> posture
 
 // Returns the postures by the closed form.
 Outcome<std::vector<Eigen::VectorXd>> UrPosturesOf(const UrRobot& robot, const Rigid3d& base_from_tip) {
-  const Outcome<std::vector<UrPosture>> found = PosturesOf(robot, base_from_tip);
+  const Outcome<std::vector<JointAngles>> found = PosturesOf(robot, base_from_tip);
   if (!found) return Failure{found.reason()};
   std::vector<Eigen::VectorXd> postures;
-  for (const UrPosture& posture : *found) {
-    postures.emplace_back(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(posture.joints_rad.data()));
+  for (const JointAngles& joints_rad : *found) {
+    postures.emplace_back(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(joints_rad.data()));
   }
   return SortedPostures(std::move(postures));
 }

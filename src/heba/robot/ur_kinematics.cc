@@ -35,22 +35,6 @@ bool IsWristFree(double wrist_sine) {
   return wrist_sine < kNothing;
 }
 
-// Returns UrPosture::singularity; `elbow_rad` is the third joint.
-std::string SingularityText(double wrist_sine, double elbow_rad, double shoulder_cosine) {
-  constexpr double kNearSingular = 1e-3;  // Limit of the sine.
-  std::vector<std::string> words;
-  if (IsWristFree(wrist_sine)) {
-    words.emplace_back("wrist: axes 4 and 6 are parallel, joint 6 is free and set to 0");
-  } else if (wrist_sine < kNearSingular) {
-    words.emplace_back("wrist: axes 4 and 6 are nearly parallel");
-  }
-  if (std::abs(std::sin(elbow_rad)) < kNearSingular) words.emplace_back("elbow: the arm is stretched or folded");
-  if (std::abs(std::sin(std::acos(shoulder_cosine))) < kNearSingular) {
-    words.emplace_back("shoulder: the wrist is close to the axis of the base");
-  }
-  return Join(words, "; ");
-}
-
 // Joints 2 to 4, whose axes are parallel.
 struct PlanarJoints {
   double q2 = 0;
@@ -99,7 +83,7 @@ Rigid3d BaseFromFlange(const UrRobot& robot, const JointAngles& q) {
          DhLink(q[3], robot.d4_m, 0, kPi / 2) * DhLink(q[4], robot.d5_m, 0, -kPi / 2) * DhLink(q[5], robot.d6_m, 0, 0);
 }
 
-Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& base_from_flange) {
+Outcome<std::vector<JointAngles>> PosturesOf(const UrRobot& robot, const Rigid3d& base_from_flange) {
   const Eigen::Matrix3d r = base_from_flange.RotationMatrix();
   const Eigen::Vector3d& p = base_from_flange.translation;
   // The origin of frame 5, the wrist, has the distance d4 from the plane of the arm, which leaves two solutions for the
@@ -111,7 +95,7 @@ Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& 
     return Failure{"out of reach: the wrist would be " + Mm(from_axis_m) + " from the axis of the base, " +
                    Mm(robot.d4_m) + " is the minimum"};
   }
-  std::vector<UrPosture> postures;
+  std::vector<JointAngles> postures;
   double too_far_m = 0;
   double too_near_m = 0;
   for (const double shoulder : {1.0, -1.0}) {
@@ -142,8 +126,7 @@ Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& 
           too_near_m = too_near_m == 0 ? least_m - distance_m : std::min(too_near_m, least_m - distance_m);
       }
       for (const auto& [q2, q3, q4] : planar) {
-        postures.push_back({{Wrapped(q1), Wrapped(q2), Wrapped(q3), Wrapped(q4), Wrapped(q5), Wrapped(q6)},
-                            SingularityText(sine, q3, shoulder_cosine)});
+        postures.push_back({Wrapped(q1), Wrapped(q2), Wrapped(q3), Wrapped(q4), Wrapped(q5), Wrapped(q6)});
       }
     }
   }

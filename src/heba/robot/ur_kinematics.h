@@ -39,16 +39,9 @@ using JointAngles = std::array<double, 6>;  // rad, base first.
 
 Rigid3d BaseFromFlange(const UrRobot& robot, const JointAngles& joints_rad);
 
-// One of the postures that reach a pose.
-struct UrPosture {
-  JointAngles joints_rad = {};  // Each in [-pi, pi].
-  // Description of the singularities at this posture or close to it; empty if there are none.
-  std::string singularity;
-};
-
-// Returns all postures that reach the pose, at most 8: shoulder left or right, wrist flipped or not, elbow up or down.
-// In the singularity of the wrist (axes 4 and 6 parallel), joint 6 is free and is set to 0. Returns a Failure with the
-// reason and the distance in mm if the pose is out of reach.
-Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& base_from_flange);
+// Returns all postures that reach the pose, at most 8, with joints in [-pi, pi]: shoulder left or right, wrist flipped
+// or not, elbow up or down. In the singularity of the wrist (axes 4 and 6 parallel), joint 6 is free and is set to 0.
+// Returns a Failure with the reason and the distance in mm if the pose is out of reach.
+Outcome<std::vector<JointAngles>> PosturesOf(const UrRobot& robot, const Rigid3d& base_from_flange);
 
 }  // namespace heba

@@ -10,10 +10,8 @@
 #include <urdf_parser/urdf_parser.h>
 #include <kdl/chain.hpp>
 #include <kdl/chainfksolverpos_recursive.hpp>
-#include <kdl/chainiksolverpos_lma.hpp>
 
 #include "heba/base/files.h"
-#include "heba/base/rng.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 
@@ -47,12 +45,6 @@ Rigid3d FromKdl(const KDL::Frame& frame) {
   Eigen::Quaterniond rotation;
   frame.M.GetQuaternion(rotation.x(), rotation.y(), rotation.z(), rotation.w());
   return Rigid3d(rotation, Eigen::Vector3d(frame.p.x(), frame.p.y(), frame.p.z()));
-}
-
-KDL::Frame ToKdl(const Rigid3d& pose) {
-  const Eigen::Quaterniond& q = pose.rotation;
-  return {KDL::Rotation::Quaternion(q.x(), q.y(), q.z(), q.w()),
-          KDL::Vector(pose.translation.x(), pose.translation.y(), pose.translation.z())};
 }
 
 // The limits of a joint that has none.
@@ -99,51 +91,6 @@ class KdlArm final : public UrdfArm {
     Arm arm = ArmFromAxes("", axes, FromKdl(base_from_link));
     arm.limits = limits_;
     return links_in_base_.empty() ? arm : WithLinksInBase(arm, links_in_base_);
-  }
-
-  Outcome<std::vector<std::vector<double>>> PosturesOf(const Rigid3d& base_from_tip) const override {
-    constexpr int kNumStarts = 40;
-    constexpr double kReached = 1e-6;
-    constexpr double kSame = 1e-3;
-    KDL::ChainIkSolverPos_LMA solver(chain_, 1e-9, 500);
-    // A joint without an end is searched within one turn.
-    std::vector<JointLimits> limits = limits_;
-    for (JointLimits& of_joint : limits) {
-      if (std::isinf(of_joint.low)) of_joint = {-kPi, kPi};
-    }
-    Rng rng(1);
-    std::vector<std::vector<double>> postures;
-    for (int start = 0; start < kNumStarts; ++start) {
-      KDL::JntArray from(static_cast<unsigned>(names_.size()));
-      for (size_t i = 0; i < names_.size(); ++i) {
-        from(static_cast<unsigned>(i)) = rng.Uniform(limits[i].low, limits[i].high);
-      }
-      KDL::JntArray to(from.rows());
-      solver.CartToJnt(from, ToKdl(base_from_tip), to);
-      std::vector<double> joints;
-      bool is_within = true;
-      for (size_t i = 0; i < names_.size(); ++i) {
-        double joint = to(static_cast<unsigned>(i));
-        // A turning joint is moved by whole turns to where it is nearest to the middle of its limits.
-        if (turns_[i]) {
-          const double middle = 0.5 * (limits[i].low + limits[i].high);
-          joint = middle + std::remainder(joint - middle, 2 * kPi);
-        }
-        is_within = is_within && joint >= limits[i].low - kReached && joint <= limits[i].high + kReached;
-        joints.push_back(joint);
-      }
-      if (!is_within) continue;
-      const Rigid3d reached = BaseFromTip(joints);
-      if (DistanceM(reached, base_from_tip) > kReached || AngleRad(reached, base_from_tip) > kReached) continue;
-      const bool is_known = std::any_of(postures.begin(), postures.end(), [&](const std::vector<double>& other) {
-        return std::equal(joints.begin(), joints.end(), other.begin(),
-                          [&](double a, double b) { return std::abs(a - b) < kSame; });
-      });
-      if (!is_known) postures.push_back(std::move(joints));
-    }
-    if (postures.empty()) return Failure{"no posture within the joint limits was found"};
-    std::sort(postures.begin(), postures.end());
-    return postures;
   }
 
  private:

@@ -37,10 +37,6 @@ class UrdfArm {
   // masses of its links (<inertial>) if the file has them. Links beyond the tip, and those on other branches, weigh on
   // the joints with their own joints at zero. Its name is empty.
   virtual Arm Kinematics() const = 0;
-  // Returns postures within the joint limits that reach the pose to 1e-6 m and rad. They are found numerically, by
-  // Levenberg-Marquardt from fixed starting points; different starts may find several postures. Returns a Failure if
-  // none is found, which does not prove that there is none.
-  virtual Outcome<std::vector<std::vector<double>>> PosturesOf(const Rigid3d& base_from_tip) const = 0;
 };
 
 }  // namespace heba

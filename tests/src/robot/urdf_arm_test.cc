@@ -135,24 +135,6 @@ TEST_F(UrdfArmTest, MassesAreThoseOfItsLinks) {
             (folder_.path() / "arm.urdf").string() + ": link 'link1' has an impossible mass or centre of mass");
 }
 
-TEST_F(UrdfArmTest, FindsPosturesThatReach) {
-  const UrRobot& robot = *FindUrRobot("ur5e");
-  const std::shared_ptr<const UrdfArm> arm = UrdfArm::Read(Write(UrdfOf(robot)));
-  Rng rng(4);
-  for (int trial = 0; trial < 20; ++trial) {
-    JointAngles joints;
-    for (double& joint : joints) joint = rng.Uniform(-2, 2);
-    const Rigid3d pose = BaseFromFlange(robot, joints);
-    const auto postures = arm->PosturesOf(pose);
-    ASSERT_TRUE(postures.ok()) << postures.reason();
-    for (const std::vector<double>& posture : *postures) {
-      EXPECT_LT(DistanceM(arm->BaseFromTip(posture), pose), 1e-6);
-      EXPECT_LT(AngleRad(arm->BaseFromTip(posture), pose), 1e-6);
-    }
-  }
-  EXPECT_NE(arm->PosturesOf(Rigid3d(Eigen::Quaterniond::Identity(), {5, 0, 0})).reason(), "");
-}
-
 TEST_F(UrdfArmTest, FaultsSayWhatIsWrong) {
   const std::string good = UrdfOf(*FindUrRobot("ur5"));
   const std::string branch =

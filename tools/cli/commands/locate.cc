@@ -6,7 +6,7 @@
 #include "heba/base/error.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
-#include "heba/robot/ur_kinematics.h"
+#include "heba/robot/arm_table.h"
 #include "heba/robot/urdf_arm.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
@@ -114,15 +114,19 @@ std::vector<std::optional<ReachingArm>> ReachingArmsOfFlag(const std::vector<std
   if (FLAGS_robot.empty()) return {};
   std::vector<std::optional<ReachingArm>> arms;
   for (const std::string& name : ValuesByArm("--robot", FLAGS_robot, robots, "ARM=MODEL")) {
-    const UrRobot* const robot = FindUrRobot(name);
+    const Arm* const arm = FindArm(name);
     if (name.ends_with(".urdf")) {
-      arms.push_back(ReachingArm{name, nullptr, UrdfArm::Read(name)});
-    } else if (robot != nullptr) {
-      arms.push_back(ReachingArm{robot->name, robot, nullptr});
+      const std::shared_ptr<const UrdfArm> urdf = UrdfArm::Read(name);
+      arms.push_back(ReachingArm{name, urdf->Kinematics(), urdf->joint_names()});
+    } else if (arm != nullptr) {
+      arms.push_back(ReachingArm{name, *arm, {}});
+      for (int joint = 1; joint <= arm->num_joints(); ++joint) {
+        arms.back()->joint_names.push_back("joint" + std::to_string(joint));
+      }
     } else if (name.empty()) {
       arms.emplace_back();
     } else {
-      throw InputError("--robot: " + UnknownName(name, UrRobotNames()) + "; or a .urdf file");
+      throw InputError("--robot: " + UnknownName(name, ArmNames()) + "; or a .urdf file");
     }
   }
   return arms;
