@@ -128,10 +128,9 @@ struct LocationAgreement {
 
 // Targets are located from a posture of the captures and from anywhere. The gripper is sent above the first of them, in
 // the configuration of the captures and in another one.
-constexpr int kNumTrials = 400;
-std::map<std::string, LocationAgreement> AgreementsOf(Setup setup, Sigmas sigmas) {
+std::map<std::string, LocationAgreement> AgreementsOf(Setup setup, Sigmas sigmas, int num_trials) {
   std::map<std::string, LocationAgreement> agreements;
-  for (uint64_t seed = 1; seed <= kNumTrials; ++seed) {
+  for (uint64_t seed = 1; seed <= static_cast<uint64_t>(num_trials); ++seed) {
     std::optional<Cell> cell = Calibrated(setup, sigmas, seed);
     if (!cell) {
       ADD_FAILURE() << "seed " << seed;
@@ -169,16 +168,12 @@ std::map<std::string, LocationAgreement> AgreementsOf(Setup setup, Sigmas sigmas
   return agreements;
 }
 
-class ArmLocationTest : public testing::TestWithParam<Setup> {};
-INSTANTIATE_TEST_SUITE_P(, ArmLocationTest, testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
-                         [](const auto& test) { return std::string(SetupName(test.param)); });
-
 // If all standard deviations are known, squares of errors are chi-square with 3 degrees of freedom, whose variance is
 // 6: their mean is within 4 sigmas of 3.
-TEST_P(ArmLocationTest, ErrorsAreChiSquareIfTheSigmasAreKnown) {
-  const std::map<std::string, LocationAgreement> agreements = AgreementsOf(GetParam(), Sigmas::kGiven);
+void ExpectChiSquares(Setup setup, int num_trials) {
+  const std::map<std::string, LocationAgreement> agreements = AgreementsOf(setup, Sigmas::kGiven, num_trials);
   for (const auto& [name, agreement] : agreements) {
-    EXPECT_NEAR(agreement.chi_square_sum / kNumTrials, 3, 4 * std::sqrt(6.0 / kNumTrials)) << name;
+    EXPECT_NEAR(agreement.chi_square_sum / num_trials, 3, 4 * std::sqrt(6.0 / num_trials)) << name;
   }
   EXPECT_GT(agreements.at("reached in another configuration").by_calibration_m2,
             2 * agreements.at("reached").by_calibration_m2);
@@ -186,9 +181,34 @@ TEST_P(ArmLocationTest, ErrorsAreChiSquareIfTheSigmasAreKnown) {
 
 // Estimated standard deviations are themselves uncertain: a region is one of Fisher's F with
 // PairSolution::covariance_dof. The share outside of it is within 4 sigmas of a binomial distribution.
+void ExpectRegionsHold(Setup setup, int num_trials) {
+  for (const auto& [name, agreement] : AgreementsOf(setup, Sigmas::kEstimated, num_trials)) {
+    EXPECT_NEAR(agreement.num_outside, 0.05 * num_trials, 4 * std::sqrt(0.05 * 0.95 * num_trials)) << name;
+  }
+}
+
+constexpr int kEverydayTrials = 100;
+constexpr int kNightlyTrials = 400;
+
+class ArmLocationTest : public testing::TestWithParam<Setup> {};
+INSTANTIATE_TEST_SUITE_P(, ArmLocationTest, testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
+                         [](const auto& test) { return std::string(SetupName(test.param)); });
+
+TEST_P(ArmLocationTest, ErrorsAreChiSquareIfTheSigmasAreKnown) { ExpectChiSquares(GetParam(), kEverydayTrials); }
+
+TEST(ArmLocationNightly, ErrorsAreChiSquareIfTheSigmasAreKnown) {
+  for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
+    ExpectChiSquares(setup, kNightlyTrials);
+  }
+}
+
 TEST_P(ArmLocationTest, ConfidenceRegionsHoldTheTruthIfTheSigmasAreEstimated) {
-  for (const auto& [name, agreement] : AgreementsOf(GetParam(), Sigmas::kEstimated)) {
-    EXPECT_NEAR(agreement.num_outside, 0.05 * kNumTrials, 4 * std::sqrt(0.05 * 0.95 * kNumTrials)) << name;
+  ExpectRegionsHold(GetParam(), kEverydayTrials);
+}
+
+TEST(ArmLocationNightly, ConfidenceRegionsHoldTheTruthIfTheSigmasAreEstimated) {
+  for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
+    ExpectRegionsHold(setup, kNightlyTrials);
   }
 }
 

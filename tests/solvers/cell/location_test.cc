@@ -99,19 +99,19 @@ void AddImageError(const Camera& camera, const Rigid3d& camera_from_target, doub
   for (Eigen::Index i = 0; i < num_points; ++i) observations->pixels.col(i) += moved.segment<2>(2 * i);
 }
 
-// The mean of the chi-squares with 6 degrees of freedom over 60 trials is within 4 standard deviations (of 0.45) of 6,
-// and that of a point with 3 within 4 of 0.32. The chances of the cameras' differences are uniform: their mean is
-// within 4 standard deviations (of 0.037) of 0.5.
-TEST(CellLocation, ErrorsAgreeWithTheCovariance) {
+// The mean of the chi-squares with 6 degrees of freedom is within 4 standard deviations of 6, and that of a point with
+// 3 within 4 of 3. The chances of the cameras' differences are uniform: their mean is within 4 standard deviations of
+// 0.5.
+void ExpectHonestErrors(int num_trials) {
   double pose_sum = 0;
   double point_sum = 0;
   double chance_sum = 0;
-  int num_trials = 0;
-  for (uint64_t seed = 1; seed <= 60; ++seed) {
+  int num_seen = 0;
+  for (uint64_t seed = 1; seed <= static_cast<uint64_t>(num_trials); ++seed) {
     const std::optional<SeenObject> object = SeeObject(seed, 0.1);
     ASSERT_TRUE(object.has_value());
     if (object->seen.size() < 2) continue;
-    ++num_trials;
+    ++num_seen;
     const Outcome<LocatedTarget> located =
         LocateInCell(object->scene.problem, object->solution, object->seen, object->reported);
     ASSERT_TRUE(located) << located.reason();
@@ -130,23 +130,25 @@ TEST(CellLocation, ErrorsAgreeWithTheCovariance) {
     const Eigen::Vector3d off = point->in_world - true_point;
     point_sum += MahalanobisSquare(off, point->covariance.TotalM2());
   }
-  ASSERT_GE(num_trials, 40);
-  EXPECT_NEAR(pose_sum / num_trials, 6, 4 * std::sqrt(12.0 / num_trials));
-  EXPECT_NEAR(point_sum / num_trials, 3, 4 * std::sqrt(6.0 / num_trials));
-  EXPECT_NEAR(chance_sum / num_trials, 0.5, 4 * std::sqrt(1.0 / 12 / num_trials));
+  ASSERT_GE(3 * num_seen, 2 * num_trials);
+  EXPECT_NEAR(pose_sum / num_seen, 6, 4 * std::sqrt(12.0 / num_seen));
+  EXPECT_NEAR(point_sum / num_seen, 3, 4 * std::sqrt(6.0 / num_seen));
+  EXPECT_NEAR(chance_sum / num_seen, 0.5, 4 * std::sqrt(1.0 / 12 / num_seen));
 }
+
+TEST(CellLocation, ErrorsAgreeWithTheCovariance) { ExpectHonestErrors(20); }
+TEST(CellLocationNightly, ErrorsAgreeWithTheCovariance) { ExpectHonestErrors(60); }
 
 // Likewise with an error of each image as a whole, which is much larger than that of its points. The calibration is
 // exact, so that the errors are those of the images alone. A point takes part in the error of its image like the mean
 // of all points; the variances of the single points differ, which widens the distribution of their chi-squares by less
 // than half.
-TEST(CellLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
+void ExpectHonestErrorsOfImages(int num_trials) {
   const std::optional<SeenObject> object = SeeObject(1, 0);
   ASSERT_TRUE(object.has_value());
   ASSERT_GE(object->seen.size(), 2U);
   constexpr double kImagePx = 0.5;
   constexpr double kPixelPx = 0.05;
-  constexpr int kNumTrials = 400;
   Solution solution = object->solution;
   solution.pixel_sigmas_px.assign(solution.pixel_sigmas_px.size(), kPixelPx);
   solution.image_sigmas_px.assign(solution.image_sigmas_px.size(), kImagePx);
@@ -157,7 +159,7 @@ TEST(CellLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
   double chance_sum = 0;
   const Eigen::Matrix3d rotation = object->world_from_target.RotationMatrix();
   const Plane plane{rotation.col(2), rotation.col(2).dot(object->world_from_target.translation)};
-  for (int trial = 0; trial < kNumTrials; ++trial) {
+  for (int trial = 0; trial < num_trials; ++trial) {
     std::vector<CameraObservations> seen = object->seen;
     const Eigen::Index id = rng.Index(seen.front().observations.size());
     std::vector<CameraPixel> pixels;
@@ -188,11 +190,14 @@ TEST(CellLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
     on_plane_sum += MahalanobisSquare(Eigen::Vector2d(along.transpose() * (on_plane->in_world - true_point)),
                                       Eigen::Matrix2d(along.transpose() * on_plane->covariance.TotalM2() * along));
   }
-  EXPECT_NEAR(pose_sum / kNumTrials, 6, 4 * std::sqrt(12.0 / kNumTrials));
-  EXPECT_NEAR(point_sum / kNumTrials, 3, 4 * 1.5 * std::sqrt(6.0 / kNumTrials));
-  EXPECT_NEAR(on_plane_sum / kNumTrials, 2, 4 * 1.5 * std::sqrt(4.0 / kNumTrials));
-  EXPECT_NEAR(chance_sum / kNumTrials, 0.5, 4 * std::sqrt(1.0 / 12 / kNumTrials));
+  EXPECT_NEAR(pose_sum / num_trials, 6, 4 * std::sqrt(12.0 / num_trials));
+  EXPECT_NEAR(point_sum / num_trials, 3, 4 * 1.5 * std::sqrt(6.0 / num_trials));
+  EXPECT_NEAR(on_plane_sum / num_trials, 2, 4 * 1.5 * std::sqrt(4.0 / num_trials));
+  EXPECT_NEAR(chance_sum / num_trials, 0.5, 4 * std::sqrt(1.0 / 12 / num_trials));
 }
+
+TEST(CellLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) { ExpectHonestErrorsOfImages(100); }
+TEST(CellLocationNightly, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) { ExpectHonestErrorsOfImages(400); }
 
 // What the cameras of a rig see of its first target in the first capture in which at least `num_cameras` see it.
 struct SeenCapture {
@@ -288,15 +293,14 @@ TEST(CellLocation, ReadsSymmetricTargetsOfAllCamerasInOneOrder) {
 // Likewise for the camera on the wrist, whose arm is noisy: the error of the arm's pose is part of the covariance. So
 // it is with a pixel on the plane of the target, which is given or seen, and with the gripper when it is sent to the
 // target.
-TEST(CellLocation, ErrorsOfACarriedCameraAgreeWithTheCovariance) {
+void ExpectHonestErrorsOfACarriedCamera(int num_trials) {
   double pose_sum = 0;
   double on_plane_sum = 0;
   double on_target_sum = 0;
   double reach_sum = 0;
   double robot_m2 = 0;
   double image_m2 = 0;
-  constexpr int kNumTrials = 60;
-  for (uint64_t seed = 101; seed < 101 + kNumTrials; ++seed) {
+  for (uint64_t seed = 101; seed < 101 + static_cast<uint64_t>(num_trials); ++seed) {
     const std::optional<SeenObject> object = SeeObject(seed, 0.1, Where::kBeforeTheWrist);
     ASSERT_TRUE(object.has_value());
     const Outcome<LocatedTarget> located =
@@ -333,12 +337,15 @@ TEST(CellLocation, ErrorsOfACarriedCameraAgreeWithTheCovariance) {
     reach_sum +=
         MahalanobisSquare(off_m, CovarianceOfReachInCell(rig, object->solution, 0, *located, command).TotalM2());
   }
-  EXPECT_NEAR(pose_sum / kNumTrials, 6, 4 * std::sqrt(12.0 / kNumTrials));
-  EXPECT_NEAR(on_plane_sum / kNumTrials, 2, 4 * std::sqrt(4.0 / kNumTrials));
-  EXPECT_NEAR(on_target_sum / kNumTrials, 3, 4 * std::sqrt(6.0 / kNumTrials));
-  EXPECT_NEAR(reach_sum / kNumTrials, 3, 4 * std::sqrt(6.0 / kNumTrials));
+  EXPECT_NEAR(pose_sum / num_trials, 6, 4 * std::sqrt(12.0 / num_trials));
+  EXPECT_NEAR(on_plane_sum / num_trials, 2, 4 * std::sqrt(4.0 / num_trials));
+  EXPECT_NEAR(on_target_sum / num_trials, 3, 4 * std::sqrt(6.0 / num_trials));
+  EXPECT_NEAR(reach_sum / num_trials, 3, 4 * std::sqrt(6.0 / num_trials));
   EXPECT_GT(robot_m2, image_m2);
 }
+
+TEST(CellLocation, ErrorsOfACarriedCameraAgreeWithTheCovariance) { ExpectHonestErrorsOfACarriedCamera(20); }
+TEST(CellLocationNightly, ErrorsOfACarriedCameraAgreeWithTheCovariance) { ExpectHonestErrorsOfACarriedCamera(60); }
 
 TEST(CellLocation, SeveralCamerasAreBetterThanOne) {
   const std::optional<SeenObject> object = SeeObject(2, 0.1);
