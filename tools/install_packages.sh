@@ -14,7 +14,7 @@ packages=(
   libeigen3-dev libceres-dev libgoogle-glog-dev libgflags-dev libyaml-cpp-dev nlohmann-json3-dev
   libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev
   libapriltag-dev libcairo2-dev libqrencode-dev libxxhash-dev zlib1g-dev
-  libpng-dev libjpeg-dev libtiff-dev liburdfdom-dev libconsole-bridge-dev liborocos-kdl-dev
+  libpng-dev libjpeg-dev libtiff-dev liburdfdom-dev libconsole-bridge-dev
   python3-dev python3-numpy pybind11-dev
 )
 # Node.js and npm in whatever way they came; the pages' charts are bundled with them.

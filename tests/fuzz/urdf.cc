@@ -11,8 +11,8 @@ extern "C" const char* __lsan_default_suppressions() {  // NOLINT(bugprone-reser
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::filesystem::path file = heba::AsFile({reinterpret_cast<const char*>(data), size}, ".urdf");
   heba::Expect([&] {
-    const auto arm = heba::UrdfArm::Read(file);
-    const heba::Rigid3d tip = arm->BaseFromTip(std::vector<double>(arm->joint_names().size(), 0.5));
+    const heba::Arm arm = heba::ReadUrdfArm(file).arm;
+    const heba::Rigid3d tip = heba::BaseFromTip(arm, Eigen::VectorXd::Constant(arm.num_joints(), 0.5));
     heba::Require(tip.Matrix().allFinite(), "the pose of the tip is finite");
   });
   return 0;

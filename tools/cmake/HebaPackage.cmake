@@ -46,7 +46,7 @@ set(CPACK_DEBIAN_PACKAGE_DESCRIPTION "hand-eye calibration of robot cameras by b
  the reprojection error with the noise of the robot, says how good the result
  is, and writes files that ROS, OpenCV and the controllers of robots read. The
  package contains the program, the C++ libraries and the Python module.")
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libceres-dev, libeigen3-dev, libopencv-core-dev, libopencv-imgproc-dev, libopencv-calib3d-dev, libyaml-cpp-dev, nlohmann-json3-dev, libapriltag-dev, pkg-config, libcairo2-dev, libqrencode-dev, libpng-dev, libjpeg-dev, libtiff-dev, libxxhash-dev, zlib1g-dev, liburdfdom-dev, liborocos-kdl-dev")
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libceres-dev, libeigen3-dev, libopencv-core-dev, libopencv-imgproc-dev, libopencv-calib3d-dev, libyaml-cpp-dev, nlohmann-json3-dev, libapriltag-dev, pkg-config, libcairo2-dev, libqrencode-dev, libpng-dev, libjpeg-dev, libtiff-dev, libxxhash-dev, zlib1g-dev, liburdfdom-dev")
 if(HEBA_BUILD_PYTHON)
   string(REGEX MATCH "^([0-9]+)[.]([0-9]+)" python "${HEBA_PYTHON_VERSION}")
   math(EXPR next "${CMAKE_MATCH_2} + 1")

@@ -369,7 +369,7 @@ PoseFormat ReadJointFormat(MapReader& reader) {
   const fs::path file = reader.InputPath("robot");
   const std::string base_link = reader.Text("base_link", "");
   const std::string tip_link = reader.Text("tip_link", "");
-  return JointFormat(file.string(), UrdfArm::Read(file, base_link, tip_link),
+  return JointFormat(file.string(), std::make_shared<const UrdfArm>(ReadUrdfArm(file, base_link, tip_link)),
                      reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
 }
 

@@ -17,8 +17,8 @@ namespace heba {
 namespace {
 
 // Reads the arm of a URDF, between two of its links.
-Arm ReadUrdfArm(MapReader& reader, const std::filesystem::path& file) {
-  Arm arm = UrdfArm::Read(file, reader.Text("base_link", ""), reader.Text("tip_link", ""))->Kinematics();
+Arm ReadArmOfUrdf(MapReader& reader, const std::filesystem::path& file) {
+  Arm arm = ReadUrdfArm(file, reader.Text("base_link", ""), reader.Text("tip_link", "")).arm;
   arm.name = file.stem().string();
   return arm;
 }
@@ -108,7 +108,7 @@ ArmOfFiles ReadRobotArm(MapReader& reader) {
   ArmOfFiles read;
   RobotArm& robot = read.robot;
   if (reader.Get("model").AsText().ends_with(".urdf")) {
-    robot.arm = ReadUrdfArm(reader, read.files.emplace_back(reader.InputPath("model")));
+    robot.arm = ReadArmOfUrdf(reader, read.files.emplace_back(reader.InputPath("model")));
   } else {
     robot.arm = *FindArm(reader.Choice("model", ArmNames()));
   }

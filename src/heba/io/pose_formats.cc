@@ -181,7 +181,7 @@ PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit) 
 PoseFormat NumbersFormat(const std::vector<std::string>& columns) { return {"numbers", columns, "m", "numbers", ""}; }
 
 PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> arm, const std::string& angle_unit) {
-  PoseFormat format{"joints", arm->joint_names(), "m", "joints", angle_unit, name};
+  PoseFormat format{"joints", arm->joint_names, "m", "joints", angle_unit, name};
   format.arm = std::move(arm);
   return format;
 }
@@ -349,9 +349,13 @@ namespace {
 Outcome<Rigid3d> PoseOf(const PoseFormat& format, std::span<const double> numbers) {
   if (format.rotation == "numbers") return Rigid3d();
   if (format.arm) {
-    std::vector<double> joints(numbers.begin(), numbers.end());
-    for (size_t i = 0; i < joints.size(); ++i) joints[i] *= format.arm->IsTurning(i) ? RadPerUnit(format) : 1;
-    return format.arm->BaseFromTip(joints);
+    const Arm& arm = format.arm->arm;
+    CHECK_EQ(numbers.size(), arm.joints.size());
+    Eigen::VectorXd joints(arm.num_joints());
+    for (size_t i = 0; i < numbers.size(); ++i) {
+      joints[static_cast<Eigen::Index>(i)] = numbers[i] * (arm.joints[i].is_turning ? RadPerUnit(format) : 1);
+    }
+    return BaseFromTip(arm, joints);
   }
   if (!format.robot.empty()) {
     JointAngles joints_rad;

@@ -1,15 +1,12 @@
 #include "heba/robot/urdf_arm.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <set>
 #include <utility>
 
 #include <console_bridge/console.h>
 #include <urdf_parser/urdf_parser.h>
-#include <kdl/chain.hpp>
-#include <kdl/chainfksolverpos_recursive.hpp>
 
 #include "heba/base/files.h"
 #include "heba/base/text.h"
@@ -18,88 +15,21 @@
 namespace heba {
 namespace {
 
-KDL::Vector ToKdl(const urdf::Vector3& v) { return {v.x, v.y, v.z}; }
+Eigen::Vector3d VectorOf(const urdf::Vector3& v) { return {v.x, v.y, v.z}; }
 
-KDL::Frame ToKdl(const urdf::Pose& pose) {
-  return {KDL::Rotation::Quaternion(pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w),
-          ToKdl(pose.position)};
+// Returns the pose of the frame that follows a joint at zero, in the link before it.
+Rigid3d LinkFromJoint(const urdf::Joint& joint) {
+  const urdf::Pose& pose = joint.parent_to_joint_origin_transform;
+  const Eigen::Quaterniond rotation(pose.rotation.w, pose.rotation.x, pose.rotation.y, pose.rotation.z);
+  return Rigid3d(rotation.normalized(), VectorOf(pose.position));
 }
 
 bool IsTurningJoint(const urdf::Joint& joint) {
   return joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS;
 }
 
-// Converts a joint to KDL's convention: the motion about an axis in the parent's frame, then the pose of the child.
-KDL::Segment ToKdl(const urdf::Joint& joint) {
-  const KDL::Frame origin = ToKdl(joint.parent_to_joint_origin_transform);
-  const KDL::Vector axis = origin.M * ToKdl(joint.axis);
-  KDL::Joint::JointType type = KDL::Joint::None;
-  if (IsTurningJoint(joint)) type = KDL::Joint::RotAxis;
-  if (joint.type == urdf::Joint::PRISMATIC) type = KDL::Joint::TransAxis;
-  const KDL::Joint moving =
-      type == KDL::Joint::None ? KDL::Joint(joint.name, type) : KDL::Joint(joint.name, origin.p, axis, type);
-  return KDL::Segment(joint.child_link_name, moving, origin);
-}
-
-Rigid3d FromKdl(const KDL::Frame& frame) {
-  Eigen::Quaterniond rotation;
-  frame.M.GetQuaternion(rotation.x(), rotation.y(), rotation.z(), rotation.w());
-  return Rigid3d(rotation, Eigen::Vector3d(frame.p.x(), frame.p.y(), frame.p.z()));
-}
-
 // The limits of a joint that has none.
 constexpr JointLimits kWithoutEnd = {-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
-
-class KdlArm final : public UrdfArm {
- public:
-  // `links_in_base` are the bodies that move with each joint; empty if their masses are not known.
-  KdlArm(const KDL::Chain& chain, std::vector<std::string> names, std::vector<bool> turns,
-         std::vector<JointLimits> limits, std::vector<PointMass> links_in_base)
-      : chain_(chain),
-        names_(std::move(names)),
-        turns_(std::move(turns)),
-        limits_(std::move(limits)),
-        links_in_base_(std::move(links_in_base)) {}
-
-  const std::vector<std::string>& joint_names() const override { return names_; }
-  bool IsTurning(size_t i) const override { return turns_[i]; }
-
-  Rigid3d BaseFromTip(std::span<const double> joints) const override {
-    CHECK_EQ(joints.size(), names_.size());
-    KDL::JntArray array(static_cast<unsigned>(joints.size()));
-    for (size_t i = 0; i < joints.size(); ++i) array(static_cast<unsigned>(i)) = joints[i];
-    KDL::ChainFkSolverPos_recursive solver(chain_);
-    KDL::Frame frame;
-    CHECK_EQ(solver.JntToCart(array, frame), 0);
-    return FromKdl(frame);
-  }
-
-  Arm Kinematics() const override {
-    std::vector<ArmAxis> axes;
-    KDL::Frame base_from_link = KDL::Frame::Identity();
-    for (unsigned i = 0; i < chain_.getNrOfSegments(); ++i) {
-      const KDL::Segment& segment = chain_.getSegment(i);
-      const KDL::Joint& joint = segment.getJoint();
-      if (joint.getType() != KDL::Joint::None) {
-        const KDL::Vector axis = base_from_link.M * joint.JointAxis();
-        const KDL::Vector point = base_from_link * joint.JointOrigin();
-        axes.push_back({Eigen::Vector3d(axis.x(), axis.y(), axis.z()).normalized(),
-                        Eigen::Vector3d(point.x(), point.y(), point.z()), turns_[axes.size()]});
-      }
-      base_from_link = base_from_link * segment.pose(0);
-    }
-    Arm arm = ArmFromAxes("", axes, FromKdl(base_from_link));
-    arm.limits = limits_;
-    return links_in_base_.empty() ? arm : WithLinksInBase(arm, links_in_base_);
-  }
-
- private:
-  KDL::Chain chain_;
-  std::vector<std::string> names_;
-  std::vector<bool> turns_;
-  std::vector<JointLimits> limits_;
-  std::vector<PointMass> links_in_base_;
-};
 
 // Returns a body with the mass of a link and of all links beyond it, but for `next`. The joints beyond it are at zero.
 PointMass WithUrdfLinks(PointMass body, const urdf::LinkConstSharedPtr& first, const Rigid3d& base_from_first,
@@ -112,9 +42,8 @@ PointMass WithUrdfLinks(PointMass body, const urdf::LinkConstSharedPtr& first, c
     waiting.pop_back();
     if (link == next || !visited.insert(link.get()).second) continue;
     if (link->inertial) {
-      const urdf::Vector3& at = link->inertial->origin.position;
       const double mass_kg = link->inertial->mass;
-      const Eigen::Vector3d centre_m = base_from_link * Eigen::Vector3d(at.x, at.y, at.z);
+      const Eigen::Vector3d centre_m = base_from_link * VectorOf(link->inertial->origin.position);
       constexpr double kLargest = 1e4;  // kg and m.
       if (!(mass_kg >= 0 && mass_kg < kLargest) || !(centre_m.norm() < kLargest)) {
         throw InputError(path.string() + ": link " + Quoted(link->name) + " has an impossible mass or centre of mass");
@@ -127,7 +56,7 @@ PointMass WithUrdfLinks(PointMass body, const urdf::LinkConstSharedPtr& first, c
       const auto child = std::find_if(link->child_links.begin(), link->child_links.end(),
                                       [&](const auto& other) { return other->name == joint->child_link_name; });
       if (child == link->child_links.end()) continue;
-      waiting.emplace_back(*child, base_from_link * FromKdl(ToKdl(joint->parent_to_joint_origin_transform)));
+      waiting.emplace_back(*child, base_from_link * LinkFromJoint(*joint));
     }
   }
   return body;
@@ -141,7 +70,7 @@ std::vector<PointMass> BodiesOf(const urdf::ModelInterface& model, const std::ve
   Rigid3d base_from_link;
   for (size_t i = 0; i < joints.size(); ++i) {
     if (joints[i]->type != urdf::Joint::FIXED) bodies.emplace_back();
-    base_from_link = base_from_link * FromKdl(ToKdl(joints[i]->parent_to_joint_origin_transform));
+    base_from_link = base_from_link * LinkFromJoint(*joints[i]);
     if (bodies.empty()) continue;
     const urdf::LinkConstSharedPtr next =
         i + 1 < joints.size() ? model.getLink(joints[i + 1]->child_link_name) : nullptr;
@@ -250,10 +179,8 @@ void CheckJoint(const urdf::Joint& joint, const std::filesystem::path& path) {
   if (joint.mimic) {
     throw InputError(path.string() + ": joint " + Quoted(joint.name) + " mimics another joint, which is not supported");
   }
-  const urdf::Vector3& axis = joint.axis;
-  const urdf::Vector3& origin = joint.parent_to_joint_origin_transform.position;
-  const double axis_length = std::hypot(axis.x, axis.y, axis.z);
-  const double distance_m = std::hypot(origin.x, origin.y, origin.z);
+  const double axis_length = VectorOf(joint.axis).norm();
+  const double distance_m = VectorOf(joint.parent_to_joint_origin_transform.position).norm();
   constexpr double kFarthestM = 1e6;
   if (!(distance_m < kFarthestM) || (joint.type != urdf::Joint::FIXED && !(axis_length > 1e-6 && axis_length < 1e6))) {
     throw InputError(path.string() + ": joint " + Quoted(joint.name) +
@@ -263,8 +190,7 @@ void CheckJoint(const urdf::Joint& joint, const std::filesystem::path& path) {
 
 }  // namespace
 
-std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, const std::string& base_link,
-                                             const std::string& tip_link) {
+UrdfArm ReadUrdfArm(const std::filesystem::path& path, const std::string& base_link, const std::string& tip_link) {
   const urdf::ModelInterfaceSharedPtr model = ParseModel(path);
   const LinkRings rings{model};
   if (!model || !model->getRoot()) throw InputError(path.string() + ": is not a URDF; xacro must be expanded first");
@@ -272,26 +198,30 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
   const std::string tip = tip_link.empty() ? FindTip(*model, path) : tip_link;
   for (const std::string& name : {base, tip}) CheckLink(*model, name, path);
   const std::vector<urdf::JointConstSharedPtr> joints = JointsBetween(*model, base, tip, path);
-  KDL::Chain chain;
-  std::vector<std::string> moving;
-  std::vector<bool> turns;
+  UrdfArm urdf;
+  std::vector<ArmAxis> axes;
   std::vector<JointLimits> limits;
+  Rigid3d base_from_link;
   for (const urdf::JointConstSharedPtr& joint : joints) {
     CheckJoint(*joint, path);
-    chain.addSegment(ToKdl(*joint));
+    base_from_link = base_from_link * LinkFromJoint(*joint);
     if (joint->type == urdf::Joint::FIXED) continue;
-    moving.push_back(joint->name);
-    turns.push_back(IsTurningJoint(*joint));
+    urdf.joint_names.push_back(joint->name);
+    axes.push_back({base_from_link.rotation * VectorOf(joint->axis).normalized(), base_from_link.translation,
+                    IsTurningJoint(*joint)});
     // Files that state no positions have zero for both.
     const bool has_limits =
         joint->type != urdf::Joint::CONTINUOUS && joint->limits && joint->limits->lower < joint->limits->upper;
     limits.push_back(has_limits ? JointLimits{joint->limits->lower, joint->limits->upper} : kWithoutEnd);
   }
-  if (moving.empty()) {
+  if (axes.empty()) {
     throw InputError(path.string() + ": no joint moves between " + Quoted(base) + " and " + Quoted(tip));
   }
-  return std::make_shared<KdlArm>(std::move(chain), std::move(moving), std::move(turns), std::move(limits),
-                                  BodiesOf(*model, joints, path));
+  urdf.arm = ArmFromAxes("", axes, base_from_link);
+  urdf.arm.limits = std::move(limits);
+  std::vector<PointMass> bodies = BodiesOf(*model, joints, path);
+  if (!bodies.empty()) urdf.arm = WithLinksInBase(std::move(urdf.arm), std::move(bodies));
+  return urdf;
 }
 
 }  // namespace heba

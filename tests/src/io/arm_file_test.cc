@@ -75,16 +75,10 @@ TEST(ArmFileTest, ExportedUrdfIsTheSameArm) {
       ASSERT_TRUE(text.ok()) << text.reason();
       WriteFileAtomically(folder.path() / "robot.urdf", *text);
     }
-    const auto urdf = UrdfArm::Read(folder.path() / "robot.urdf");
-    const Arm again = urdf->Kinematics();
+    const Arm again = ReadUrdfArm(folder.path() / "robot.urdf").arm;
     for (int i = 0; i < 5; ++i) {
       const Eigen::VectorXd joints = RandomJoints(nominal, rng);
       const Rigid3d pose = BaseFromTip(*request.arm, joints);
-      EXPECT_LT(LocalCoordinates(
-                    pose, urdf->BaseFromTip(std::span<const double>(joints.data(), static_cast<size_t>(joints.size()))))
-                    .norm(),
-                1e-9)
-          << name;
       EXPECT_LT(LocalCoordinates(pose, BaseFromTip(again, joints)).norm(), 1e-9) << name;
     }
   }

@@ -4,6 +4,7 @@
 
 #include "heba/base/files.h"
 #include "heba/base/rng.h"
+#include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/robot/arm_postures.h"
 #include "heba/robot/arm_table.h"
@@ -48,26 +49,65 @@ class UrdfArmTest : public testing::Test {
   }
   std::string ErrorOf(const std::string& text, const std::string& base = "", const std::string& tip = "") {
     const std::filesystem::path file = Write(text);
-    return InputErrorOf([&] { UrdfArm::Read(file, base, tip); });
+    return InputErrorOf([&] { ReadUrdfArm(file, base, tip); });
   }
   TempFolder folder_;
 };
 
 TEST_F(UrdfArmTest, AgreesWithTheClosedForm) {
   const UrRobot& robot = *FindUrRobot("ur5e");
-  const std::shared_ptr<const UrdfArm> arm = UrdfArm::Read(Write(UrdfOf(robot)));
-  EXPECT_EQ(arm->joint_names(), (std::vector<std::string>{"j1", "j2", "j3", "j4", "j5", "j6"}));
-  const Arm kinematics = arm->Kinematics();
-  ASSERT_EQ(kinematics.limits.size(), 6U);
-  EXPECT_EQ(kinematics.limits[2].high, 3.1416);
+  const UrdfArm urdf = ReadUrdfArm(Write(UrdfOf(robot)));
+  EXPECT_EQ(urdf.joint_names, (std::vector<std::string>{"j1", "j2", "j3", "j4", "j5", "j6"}));
+  ASSERT_EQ(urdf.arm.limits.size(), 6U);
+  EXPECT_EQ(urdf.arm.limits[2].high, 3.1416);
   Rng rng(3);
   for (int trial = 0; trial < 200; ++trial) {
     JointAngles joints;
     for (double& joint : joints) joint = rng.Uniform(-3, 3);
     const Rigid3d expected = BaseFromFlange(robot, joints);
-    const Rigid3d found = arm->BaseFromTip(joints);
+    const Rigid3d found = BaseFromTip(urdf.arm, Eigen::Map<const Eigen::Matrix<double, 6, 1>>(joints.data()));
     EXPECT_LT(DistanceM(expected, found), 1e-12);
     EXPECT_LT(AngleRad(expected, found), 1e-7);
+  }
+}
+
+// Returns three random numbers, and adds them to a text.
+Eigen::Vector3d AddNumbers(Rng& rng, const char* attribute, std::string& text) {
+  const Eigen::Vector3d v(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1));
+  text +=
+      std::string(" ") + attribute + "=\"" + RoundTrip(v.x()) + " " + RoundTrip(v.y()) + " " + RoundTrip(v.z()) + "\"";
+  return v;
+}
+
+// The pose of the tip is the product of the origins and motions of all joints, whatever their axes.
+TEST_F(UrdfArmTest, ChainsOfAnyAxesAreTheProductOfTheirJoints) {
+  Rng rng(11);
+  const std::vector<std::string> types = {"revolute", "fixed", "prismatic", "continuous", "revolute", "prismatic"};
+  for (int trial = 0; trial < 20; ++trial) {
+    std::string text = "<robot name=\"arm\"><link name=\"link0\"/>\n";
+    Rigid3d expected;
+    std::vector<double> joints;
+    for (size_t j = 0; j < types.size(); ++j) {
+      const std::string n = std::to_string(j + 1);
+      text += "<link name=\"link" + n + "\"/><joint name=\"j" + n + "\" type=\"" + types[j] + "\"><parent link=\"link" +
+              std::to_string(j) + "\"/><child link=\"link" + n + "\"/><origin";
+      const Eigen::Vector3d place_m = AddNumbers(rng, "xyz", text);
+      const Eigen::Vector3d rpy_rad = AddNumbers(rng, "rpy", text);
+      text += "/><axis";
+      const Eigen::Vector3d axis = AddNumbers(rng, "xyz", text).normalized();
+      text += "/><limit lower=\"-3\" upper=\"3\" effort=\"1\" velocity=\"1\"/></joint>\n";
+      const Eigen::Quaterniond rotation =
+          ExpRotation({0, 0, rpy_rad.z()}) * ExpRotation({0, rpy_rad.y(), 0}) * ExpRotation({rpy_rad.x(), 0, 0});
+      expected = expected * Rigid3d(rotation, place_m);
+      if (types[j] == "fixed") continue;
+      const double joint = joints.emplace_back(rng.Uniform(-3, 3));
+      const bool is_sliding = types[j] == "prismatic";
+      expected = expected * (is_sliding ? Rigid3d(Eigen::Quaterniond::Identity(), joint * axis)
+                                        : Rigid3d(ExpRotation(joint * axis), Eigen::Vector3d::Zero()));
+    }
+    const Arm arm = ReadUrdfArm(Write(text + "</robot>\n")).arm;
+    const Rigid3d found = BaseFromTip(arm, Eigen::Map<const Eigen::VectorXd>(joints.data(), arm.num_joints()));
+    EXPECT_LT(LocalCoordinates(expected, found).norm(), 1e-9);
   }
 }
 
@@ -93,7 +133,7 @@ TEST_F(UrdfArmTest, JointsEndWhereTheFileSays) {
             "\"><parent link=\"link" + std::to_string(j) + "\"/><child link=\"link" + n +
             "\"/><origin xyz=\"0.2 0 0.1\"/><axis xyz=\"0 0 1\"/>" + joints[j][1] + "</joint>\n";
   }
-  const Arm arm = UrdfArm::Read(Write(text + "</robot>\n"))->Kinematics();
+  const Arm arm = ReadUrdfArm(Write(text + "</robot>\n")).arm;
   const Eigen::Vector3d inside(7, 0.5, -5);
   EXPECT_EQ(WithinLimits(arm, inside), Eigen::VectorXd(inside));
   for (const double beyond : {-0.1, 0.9, 0.5 + 2 * kPi}) {
@@ -122,14 +162,14 @@ TEST_F(UrdfArmTest, MassesAreThoseOfItsLinks) {
   const std::string flange = "<link name=\"flange\"";
   text.replace(text.find(flange + "/>"), flange.size() + 2, flange + ">" + Inertial(1.5, {0, 0.05, 0}) + "</link>");
   const Arm loaded = WithPayload(WithPayload(table, {1.5, {0, 0.05, 0}}), {0.5, {0.01, 0.02, 0.13}});
-  const Arm found = UrdfArm::Read(Write(text), "base", "flange")->Kinematics();
+  const Arm found = ReadUrdfArm(Write(text), "base", "flange").arm;
   ASSERT_NE(found.load, nullptr);
   Rng rng(7);
   for (int trial = 0; trial < 10; ++trial) {
     const Eigen::VectorXd joints = RandomJoints(table, rng);
     EXPECT_LT((GravityTorques(found, joints) - GravityTorques(loaded, joints)).norm(), 1e-9);
   }
-  EXPECT_EQ(UrdfArm::Read(Write(UrdfOf(*FindUrRobot("ur5e"))))->Kinematics().load, nullptr);
+  EXPECT_EQ(ReadUrdfArm(Write(UrdfOf(*FindUrRobot("ur5e")))).arm.load, nullptr);
   text.replace(text.find("mass value=\""), 12, "mass value=\"-");
   EXPECT_EQ(ErrorOf(text, "base", "flange"),
             (folder_.path() / "arm.urdf").string() + ": link 'link1' has an impossible mass or centre of mass");

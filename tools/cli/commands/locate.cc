@@ -116,8 +116,8 @@ std::vector<std::optional<ReachingArm>> ReachingArmsOfFlag(const std::vector<std
   for (const std::string& name : ValuesByArm("--robot", FLAGS_robot, robots, "ARM=MODEL")) {
     const Arm* const arm = FindArm(name);
     if (name.ends_with(".urdf")) {
-      const std::shared_ptr<const UrdfArm> urdf = UrdfArm::Read(name);
-      arms.push_back(ReachingArm{name, urdf->Kinematics(), urdf->joint_names()});
+      UrdfArm urdf = ReadUrdfArm(name);
+      arms.push_back(ReachingArm{name, std::move(urdf.arm), std::move(urdf.joint_names)});
     } else if (arm != nullptr) {
       arms.push_back(ReachingArm{name, *arm, {}});
       for (int joint = 1; joint <= arm->num_joints(); ++joint) {
