@@ -73,7 +73,7 @@ TEST_F(UrdfArmTest, AgreesWithTheClosedForm) {
 
 // Returns three random numbers, and adds them to a text.
 Eigen::Vector3d AddNumbers(Rng& rng, const char* attribute, std::string& text) {
-  const Eigen::Vector3d v(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1));
+  const Eigen::Vector3d v{rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1)};
   text +=
       std::string(" ") + attribute + "=\"" + RoundTrip(v.x()) + " " + RoundTrip(v.y()) + " " + RoundTrip(v.z()) + "\"";
   return v;
