@@ -149,12 +149,18 @@ ReachingPostures FindPostures(const ReachingArm& arm, const Rigid3d& base_from_t
   std::vector<Eigen::VectorXd> postures;
   if (arm.arm.num_joints() <= 6) {
     Outcome<std::vector<Eigen::VectorXd>> all = PosturesOf(arm.arm, base_from_tip);
-    if (all) postures = *std::move(all);
-    if (!all) found.reason = all.reason();
+    if (all) {
+      postures = *std::move(all);
+    } else {
+      found.reason = all.reason();
+    }
   } else {
     const Outcome<Eigen::VectorXd> any = AnyPostureOf(arm.arm, base_from_tip);
-    if (any) postures = {*any};
-    if (!any) found.reason = any.reason();
+    if (any) {
+      postures = {*any};
+    } else {
+      found.reason = any.reason();
+    }
   }
   for (const Eigen::VectorXd& posture : postures) {
     const std::optional<Eigen::VectorXd> joints = WithinLimits(arm.arm, posture);
