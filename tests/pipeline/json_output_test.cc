@@ -10,6 +10,7 @@
 #include "heba/base/units.h"
 #include "heba/robot/arm_postures.h"
 #include "heba/robot/arm_table.h"
+#include "heba/robot/urdf_arm.h"
 #include "tests/pipeline/cli.h"
 
 namespace heba {
@@ -138,6 +139,30 @@ TEST_F(JsonOutputTest, LocateFindsJointsOfArmsThatReachWithinTheirLimits) {
     }
   }
   EXPECT_GT(num_postures, 0);
+}
+
+// An arm with three slides and three joints that turn reaches every pose within its range.
+TEST_F(JsonOutputTest, LocateFindsTheJointsOfAUrdf) {
+  std::string urdf = "<robot name=\"gantry\"><link name=\"link0\"/>\n";
+  const std::string axes[] = {"1 0 0", "0 1 0", "0 0 1"};
+  for (int j = 0; j < 6; ++j) {
+    const std::string n = std::to_string(j + 1);
+    urdf += "<link name=\"link" + n + "\"/><joint name=\"j" + n + "\" type=\"" + (j < 3 ? "prismatic" : "revolute") +
+            "\"><parent link=\"link" + std::to_string(j) + "\"/><child link=\"link" + n + "\"/><axis xyz=\"" +
+            axes[j % 3] + "\"/><limit lower=\"-3\" upper=\"3\" effort=\"1\" velocity=\"1\"/></joint>\n";
+  }
+  WriteAll(Path("gantry.urdf"), urdf + "</robot>\n");
+  const Arm arm = ReadUrdfArm(Path("gantry.urdf")).arm;
+  const auto [json, text] = Both({"locate", Path("run"), image_, "--robot", Path("gantry.urdf")});
+  EXPECT_THAT(text, HasSubstr("the tip's frame with the target's; j1, j2, j3, j4, j5, j6 in deg or m:"));
+  for (const Json& pose : json["images"][0]["poses"]) {
+    const Numbers t = pose["base_from_target"]["translation_m"];
+    ASSERT_FALSE(pose["postures"]["postures"].empty());
+    for (const Json& posture : pose["postures"]["postures"]) {
+      const Numbers found = posture["joints"];
+      for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(found[i], t[i], 1e-6);
+    }
+  }
 }
 
 TEST_F(JsonOutputTest, LocateStatesSigmasAndTheirParts) {

@@ -117,58 +117,15 @@ std::vector<TargetReach> FindReaches(const LocationRequest& request, const Locat
   return reaches;
 }
 
-// Returns joints within the limits, those without limits within a turn: shares of 0 and 1 are the ends.
-template <class Share>
-Eigen::VectorXd JointsWithin(const Arm& arm, const Share& share) {
-  Eigen::VectorXd joints(arm.num_joints());
-  for (int j = 0; j < arm.num_joints(); ++j) {
-    JointLimits limits = arm.limits.empty() ? JointLimits{-kPi, kPi} : arm.limits[static_cast<size_t>(j)];
-    if (!std::isfinite(limits.high - limits.low)) limits = {-kPi, kPi};
-    joints[j] = limits.low + share() * (limits.high - limits.low);
-  }
-  return joints;
-}
-
-// Returns one posture of an arm with more than six joints: that near the middle of the limits or, if it is beyond them,
-// the first within them from random starts.
-Outcome<Eigen::VectorXd> AnyPostureOf(const Arm& arm, const Rigid3d& base_from_tip) {
-  constexpr int kMostStarts = 40;
-  Rng rng(1);
-  Outcome<Eigen::VectorXd> found = PostureNear(arm, base_from_tip, JointsWithin(arm, [] { return 0.5; }));
-  for (int start = 1; start < kMostStarts && !(found && WithinLimits(arm, *found)); ++start) {
-    const Eigen::VectorXd from = JointsWithin(arm, [&] { return rng.Uniform(0, 1); });
-    Outcome<Eigen::VectorXd> other = PostureNear(arm, base_from_tip, from);
-    if (other) found = std::move(other);
-  }
-  return found;
-}
-
 ReachingPostures FindPostures(const ReachingArm& arm, const Rigid3d& base_from_tip) {
   ReachingPostures found;
   found.arm = arm;
-  std::vector<Eigen::VectorXd> postures;
-  if (arm.arm.num_joints() <= 6) {
-    Outcome<std::vector<Eigen::VectorXd>> all = PosturesOf(arm.arm, base_from_tip);
-    if (all) {
-      postures = *std::move(all);
-    } else {
-      found.reason = all.reason();
-    }
-  } else {
-    const Outcome<Eigen::VectorXd> any = AnyPostureOf(arm.arm, base_from_tip);
-    if (any) {
-      postures = {*any};
-    } else {
-      found.reason = any.reason();
-    }
+  const Outcome<std::vector<Eigen::VectorXd>> postures = PosturesWithinLimits(arm.arm, base_from_tip);
+  if (!postures) {
+    found.reason = postures.reason();
+    return found;
   }
-  for (const Eigen::VectorXd& posture : postures) {
-    const std::optional<Eigen::VectorXd> joints = WithinLimits(arm.arm, posture);
-    if (joints) found.postures.push_back({*joints, SingularityAt(arm.arm, *joints)});
-  }
-  if (found.postures.empty() && found.reason.empty()) {
-    found.reason = "no posture that was found is within the limits of the joints";
-  }
+  for (const Eigen::VectorXd& joints : *postures) found.postures.push_back({joints, SingularityAt(arm.arm, joints)});
   return found;
 }
 

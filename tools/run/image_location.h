@@ -28,9 +28,7 @@ struct ReachingArm {
   std::vector<std::string> joint_names;
 };
 
-// The joints with which an arm brings its flange to a pose in its base, within their limits if these are known. Of an
-// arm with more than six joints it is one of infinitely many postures, near the middle of the limits if that is
-// possible.
+// The joints with which an arm brings its flange, or the tip of a URDF, to a pose in its base: PosturesWithinLimits.
 struct ReachingPostures {
   struct Posture {
     Eigen::VectorXd joints;   // rad or m.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include <Eigen/SVD>
@@ -127,13 +128,13 @@ Outcome<std::vector<Eigen::VectorXd>> UrPosturesOf(const UrRobot& robot, const R
   return SortedPostures(std::move(postures));
 }
 
-}  // namespace
-
-Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_tip, const Eigen::VectorXd& start) {
+// Returns the posture near `start` whose tip is the nearest to the pose; `small_drop` as in LevenbergMarquardtOptions.
+PosturePoint NearestPosture(const Arm& arm, const Rigid3d& base_from_tip, const Eigen::VectorXd& start,
+                            double small_drop) {
   LevenbergMarquardtOptions options;
   options.max_iterations = 100;
   options.max_tries = 200;
-  options.small_drop = 0;
+  options.small_drop = small_drop;
   PosturePoint point = PointAt(arm, base_from_tip, start);
   constexpr double kLargestTurn = 0.5;  // rad or m in one step: a larger one would leave the branch.
   MinimiseSquares(
@@ -143,6 +144,39 @@ Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_ti
         return PointAt(arm, base_from_tip, at.joints + std::min(1.0, kLargestTurn / largest) * step);
       },
       &point, [](const PosturePoint& at) { return at.cost < 1e-24; });
+  return point;
+}
+
+// Returns joints within the limits, those without limits within a turn: shares of 0 and 1 are the ends.
+template <class Share>
+Eigen::VectorXd JointsWithin(const Arm& arm, const Share& share) {
+  Eigen::VectorXd joints(arm.num_joints());
+  for (int j = 0; j < arm.num_joints(); ++j) {
+    JointLimits limits = arm.limits.empty() ? JointLimits{-kPi, kPi} : arm.limits[static_cast<size_t>(j)];
+    if (!std::isfinite(limits.high - limits.low)) limits = {-kPi, kPi};
+    joints[j] = limits.low + share() * (limits.high - limits.low);
+  }
+  return joints;
+}
+
+// Returns one posture: that near the middle of the limits or, if it is beyond them, the first within them from random
+// starts; one beyond them if none is.
+Outcome<Eigen::VectorXd> AnyPostureOf(const Arm& arm, const Rigid3d& base_from_tip) {
+  constexpr int kMostStarts = 40;
+  Rng rng(1);
+  Outcome<Eigen::VectorXd> found = PostureNear(arm, base_from_tip, JointsWithin(arm, [] { return 0.5; }));
+  for (int start = 1; start < kMostStarts && !(found && WithinLimits(arm, *found)); ++start) {
+    const Eigen::VectorXd from = JointsWithin(arm, [&] { return rng.Uniform(0, 1); });
+    Outcome<Eigen::VectorXd> other = PostureNear(arm, base_from_tip, from);
+    if (other) found = std::move(other);
+  }
+  return found;
+}
+
+}  // namespace
+
+Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_tip, const Eigen::VectorXd& start) {
+  const PosturePoint point = NearestPosture(arm, base_from_tip, start, 0);
   const double distance = std::sqrt(point.cost);
   if (distance > kReached) {
     const Tangent6 missing = LocalCoordinates(BaseFromTip(arm, point.joints), base_from_tip);
@@ -151,6 +185,24 @@ Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_ti
                    Significant(missing.tail<3>().norm() * 180 / kPi, 3) + " deg away"};
   }
   return point.joints;
+}
+
+std::optional<Eigen::VectorXd> NearestPostureTo(const Arm& arm, const Rigid3d& base_from_tip) {
+  constexpr int kNumStarts = 4;
+  Rng rng(1);
+  std::optional<Eigen::VectorXd> nearest;
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < kNumStarts; ++k) {
+    const Eigen::VectorXd start = JointsWithin(arm, [&] { return k == 0 ? 0.5 : rng.Uniform(0, 1); });
+    // The tip need not be where no other posture is any nearer.
+    constexpr double kSmallDrop = 1e-4;
+    const PosturePoint point = NearestPosture(arm, base_from_tip, start, kSmallDrop);
+    std::optional<Eigen::VectorXd> joints = WithinLimits(arm, Wrapped(arm, point.joints));
+    if (!joints || point.cost >= least) continue;
+    least = point.cost;
+    nearest = std::move(joints);
+  }
+  return nearest;
 }
 
 Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& base_from_tip) {
@@ -190,6 +242,26 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
   }
   if (postures.empty()) return Failure{reason};
   return SortedPostures(std::move(postures));
+}
+
+Outcome<std::vector<Eigen::VectorXd>> PosturesWithinLimits(const Arm& arm, const Rigid3d& base_from_tip) {
+  std::vector<Eigen::VectorXd> reaching;
+  if (arm.num_joints() > 6) {
+    Outcome<Eigen::VectorXd> any = AnyPostureOf(arm, base_from_tip);
+    if (!any) return any.failure();
+    reaching.push_back(Wrapped(arm, *std::move(any)));
+  } else {
+    Outcome<std::vector<Eigen::VectorXd>> all = PosturesOf(arm, base_from_tip);
+    if (!all) return all.failure();
+    reaching = *std::move(all);
+  }
+  std::vector<Eigen::VectorXd> within;
+  for (Eigen::VectorXd& posture : reaching) {
+    if (std::optional<Eigen::VectorXd> joints = WithinLimits(arm, std::move(posture)))
+      within.push_back(*std::move(joints));
+  }
+  if (within.empty()) return Failure{"no posture that was found is within the limits of the joints"};
+  return within;
 }
 
 std::vector<Eigen::Vector3d> OriginsOf(const Arm& arm, const Eigen::VectorXd& joints) {

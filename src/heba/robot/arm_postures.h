@@ -20,6 +20,11 @@ inline constexpr double kReached = 1e-7;
 // joints are not wrapped. Returns a Failure with the distance that remains if it does not converge to the pose.
 Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_tip, const Eigen::VectorXd& start);
 
+// Returns the posture within the limits in which an arm of fewer than six joints comes next to a pose: the least sum of
+// squares of distance (m) and angle (rad), from a few fixed starting points. Returns nothing if none of these leads to
+// a posture within the limits.
+std::optional<Eigen::VectorXd> NearestPostureTo(const Arm& arm, const Rigid3d& base_from_tip);
+
 // Returns the postures that reach the pose, at most 16 for six joints, with angles in [-pi, pi]. Those of arms of
 // Universal Robots' form are computed in closed form. Those of others are found numerically from fixed starting points
 // and from the flips of those that were found, so that one may be missed. At a singularity, infinitely many postures
@@ -32,8 +37,13 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
 // stays beyond its limits.
 std::optional<Eigen::VectorXd> WithinLimits(const Arm& arm, Eigen::VectorXd joints);
 
-// Returns how far apart two postures are: the norm of the differences of their joints. Those of joints that turn
-// without known limits count to the next whole turn, which a joint with limits may not reach.
+// Returns the postures that reach the pose within the limits of the joints, if these are known: those of PosturesOf or,
+// of an arm with more than six joints, one of infinitely many, near the middle of the limits if that is possible.
+// Joints that turn without limits are in [-pi, pi]. Returns a Failure if there is none.
+Outcome<std::vector<Eigen::VectorXd>> PosturesWithinLimits(const Arm& arm, const Rigid3d& base_from_tip);
+
+// Returns how far the joints move from one posture to another: the norm of their differences. Those of joints that turn
+// without known limits count to the next whole turn.
 double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b);
 
 // Returns the origins of the frames that follow the joints, in the base, m.

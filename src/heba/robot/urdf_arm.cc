@@ -214,6 +214,11 @@ UrdfArm ReadUrdfArm(const std::filesystem::path& path, const std::string& base_l
         joint->type != urdf::Joint::CONTINUOUS && joint->limits && joint->limits->lower < joint->limits->upper;
     limits.push_back(has_limits ? JointLimits{joint->limits->lower, joint->limits->upper} : kWithoutEnd);
   }
+  constexpr size_t kMostJoints = 100;
+  if (axes.size() > kMostJoints) {
+    throw InputError(path.string() + ": " + std::to_string(axes.size()) + " joints move between " + Quoted(base) +
+                     " and " + Quoted(tip) + "; at most " + std::to_string(kMostJoints) + " can");
+  }
   if (axes.empty()) {
     throw InputError(path.string() + ": no joint moves between " + Quoted(base) + " and " + Quoted(tip));
   }

@@ -136,6 +136,49 @@ TEST(ArmPosturesTest, RedundantArmsNeedAStart) {
   EXPECT_LT(Distance(joints, *found), 0.1);
 }
 
+TEST(ArmPosturesTest, PosturesWithinLimitsReachThePose) {
+  Rng rng(7);
+  for (const char* const name : {"kuka_kr6_r900", "kuka_iiwa14"}) {
+    const Arm& arm = *FindArm(name);
+    for (int trial = 0; trial < 10; ++trial) {
+      Eigen::VectorXd joints(arm.num_joints());
+      for (int j = 0; j < arm.num_joints(); ++j) {
+        const JointLimits& limits = arm.limits[static_cast<size_t>(j)];
+        joints[j] = rng.Uniform(limits.low, limits.high);
+      }
+      const Rigid3d pose = BaseFromTip(arm, joints);
+      const auto found = PosturesWithinLimits(arm, pose);
+      ASSERT_TRUE(found.ok()) << name << ": " << found.reason();
+      EXPECT_TRUE(arm.num_joints() == 6 || found->size() == 1);
+      for (const Eigen::VectorXd& posture : *found) {
+        EXPECT_LT(LocalCoordinates(pose, BaseFromTip(arm, posture)).norm(), 1e-6) << name;
+        EXPECT_EQ(WithinLimits(arm, posture), posture) << name;
+      }
+    }
+  }
+}
+
+// The joints of an arm that turn without limits are wrapped, however far the search turned them.
+TEST(ArmPosturesTest, PosturesOfArmsWithoutLimitsAreWrapped) {
+  Arm arm = *FindArm("kuka_iiwa14");
+  arm.limits.clear();
+  Rng rng(8);
+  for (int trial = 0; trial < 30; ++trial) {
+    const Rigid3d pose = BaseFromTip(arm, Eigen::VectorXd::NullaryExpr(7, [&] { return rng.Uniform(-kPi, kPi); }));
+    const auto found = PosturesWithinLimits(arm, pose);
+    if (found) EXPECT_LE(found->front().cwiseAbs().maxCoeff(), kPi + 1e-12);
+  }
+}
+
+TEST(ArmPosturesTest, PosesThatOnlyPosturesBeyondTheLimitsReachAreRefused) {
+  for (const char* const name : {"ur5e", "kuka_iiwa14"}) {
+    Arm arm = *FindArm(name);
+    const Eigen::VectorXd joints = Eigen::VectorXd::Constant(arm.num_joints(), 0.5);
+    arm.limits.assign(arm.joints.size(), JointLimits{3, 3.01});
+    EXPECT_THAT(PosturesWithinLimits(arm, BaseFromTip(arm, joints)).reason(), testing::HasSubstr("within the limits"));
+  }
+}
+
 TEST(ArmPosturesTest, PosesOutOfReachAreRefusedWithTheDistance) {
   const Arm& arm = *FindArm("ur5e");
   const auto postures = PosturesOf(arm, Rigid3d(Eigen::Quaterniond::Identity(), {3, 0, 0}));
@@ -149,6 +192,8 @@ TEST(ArmPosturesTest, SingularitiesNameTheirJoints) {
   EXPECT_THAT(SingularityAt(arm, joints), testing::HasSubstr("6"));
   joints[4] = 1.2;
   EXPECT_EQ(SingularityAt(arm, joints), "");
+  joints[2] = 0;  // The arm is stretched.
+  EXPECT_THAT(SingularityAt(arm, joints), testing::HasSubstr("3"));
 }
 
 TEST(ArmPosturesTest, RedundantArmsAreSingularIfTheTipCannotMoveInSomeDirection) {

@@ -141,6 +141,16 @@ TEST_F(UrdfArmTest, JointsEndWhereTheFileSays) {
   }
 }
 
+TEST_F(UrdfArmTest, ChainsOfTooManyJointsAreRefused) {
+  std::string text = "<robot name=\"arm\"><link name=\"link0\"/>\n";
+  for (int j = 0; j < 101; ++j) {
+    const std::string n = std::to_string(j + 1);
+    text += "<link name=\"link" + n + "\"/><joint name=\"j" + n + "\" type=\"continuous\"><parent link=\"link" +
+            std::to_string(j) + "\"/><child link=\"link" + n + "\"/><axis xyz=\"0 0 1\"/></joint>\n";
+  }
+  EXPECT_NE(InputErrorOf([&] { ReadUrdfArm(Write(text + "</robot>\n")); }).find("101 joints move"), std::string::npos);
+}
+
 // The masses of the links, of the flange and of a finger beside the chain.
 TEST_F(UrdfArmTest, MassesAreThoseOfItsLinks) {
   const Arm& table = *FindArm("ur5e");
