@@ -46,7 +46,8 @@ struct ErrorSpace {
   double robot_scale_sigma = kRobotScaleSigma;  // CalibrationOptions::robot_scale_sigma.
 };
 
-// A model with errors of arms, and how they were chosen: one entry for each arm that has models to choose from.
+// A model with errors of arms, and how they were chosen: one entry for each arm that has models to choose from, or the
+// joints of whose captures are known.
 struct ModelWithArmErrors {
   SearchedModel model;
   std::vector<ArmErrorChoice> arms;

@@ -149,7 +149,7 @@ SeenObject SeeBeforeTheWrist(uint64_t seed) {
 // The means of the chi-squares with 6 degrees of freedom, and of those with 3 of points, are within 4 standard
 // deviations of these. They are much larger if the errors of the arm are not corrected, and larger by a tenth at least,
 // in the same trials, if the corrections are taken as known exactly.
-void ExpectHonestAndSmallErrors(int num_trials) {
+void ExpectHonestAndSmallErrors(int num_trials, int least_points) {
   LocationErrors by_all;
   LocationErrors by_wrist;
   LocationErrors points;
@@ -174,18 +174,19 @@ void ExpectHonestAndSmallErrors(int num_trials) {
   const double tolerance = 4 * std::sqrt(12.0 / num_trials);
   EXPECT_NEAR(by_all.MeanChi2(), 6, tolerance);
   EXPECT_NEAR(by_wrist.MeanChi2(), 6, tolerance);
-  ASSERT_GE(10 * points.num, num_trials);
-  EXPECT_NEAR(points.MeanChi2(), 3, 4 * std::sqrt(6.0 / points.num));
+  ASSERT_GE(points.num, least_points);
+  // Of few points, a mean of 0 would be within the tolerance.
+  if (points.num > 12) EXPECT_NEAR(points.MeanChi2(), 3, 4 * std::sqrt(6.0 / points.num));
   EXPECT_GT(as_if_known.MeanChi2(), 1.1 * by_wrist.MeanChi2());
   EXPECT_GT(plain.MeanChi2(), 6 + tolerance);
   EXPECT_LT(by_wrist.RmsMm(), 0.5 * plain.RmsMm());
 }
 
 TEST(CellArmLocation, ErrorsAgreeWithTheCovarianceAndAreSmallerThanWithoutTheCorrection) {
-  ExpectHonestAndSmallErrors(20);
+  ExpectHonestAndSmallErrors(20, 2);
 }
 TEST(CellArmLocationNightly, ErrorsAgreeWithTheCovarianceAndAreSmallerThanWithoutTheCorrection) {
-  ExpectHonestAndSmallErrors(60);
+  ExpectHonestAndSmallErrors(60, 10);
 }
 
 // The uncertainty of each error of the arm, by itself, moves the located object as another value of it does.

@@ -99,9 +99,9 @@ void AddImageError(const Camera& camera, const Rigid3d& camera_from_target, doub
   for (Eigen::Index i = 0; i < num_points; ++i) observations->pixels.col(i) += moved.segment<2>(2 * i);
 }
 
-// The mean of the chi-squares with 6 degrees of freedom is within 4 standard deviations of 6, and that of a point with
-// 3 within 4 of 3. The chances of the cameras' differences are uniform: their mean is within 4 standard deviations of
-// 0.5.
+// The mean of the chi-squares with 6 degrees of freedom is within 4 standard deviations of 6, and that of a
+// point, with 3 degrees of freedom, within 4 of 3. The chances of the cameras' differences are uniform: their mean is
+// within 4 standard deviations of 0.5.
 void ExpectHonestErrors(int num_trials) {
   double pose_sum = 0;
   double point_sum = 0;

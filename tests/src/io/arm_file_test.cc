@@ -1,7 +1,5 @@
 #include "heba/io/arm_file.h"
 
-#include <span>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

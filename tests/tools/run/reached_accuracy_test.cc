@@ -68,7 +68,7 @@ void ExpectRadiusHolds(int num_trials) {
   EXPECT_NEAR(num_inside / static_cast<double>(num_trials), 0.8, 3 * std::sqrt(0.8 * 0.2 / num_trials));
 }
 
-TEST(ReachedAccuracyTest, TheRadiusHoldsTheErrorsOfLocatedTargets) { ExpectRadiusHolds(25); }
+TEST(ReachedAccuracyTest, TheRadiusHoldsTheErrorsOfLocatedTargets) { ExpectRadiusHolds(40); }
 TEST(ReachedAccuracyNightly, TheRadiusHoldsTheErrorsOfLocatedTargets) { ExpectRadiusHolds(100); }
 
 TEST(ReachedAccuracyTest, ConcernsTheCamerasThatSeeThePlace) {
