@@ -32,15 +32,20 @@ std::vector<LinearisedView> WithUnknowns(const SmoothSearch& search, const Smoot
   return extended;
 }
 
+// Whether the standard deviations of smooth errors have their prior. The model without them is compared by the
+// likelihood alone: the prior says how large they are, and not whether there are any.
+enum class SigmaPriors { kNone, kHalfCauchy };
+
 // Returns the groups of the search, and those of the smooth errors. `start` are the variances from which they are
 // estimated; an empty list: those that the groups have.
 std::vector<VarianceGroup> WithGroups(const SmoothSearch& search, const SharedEffects& effects,
-                                      const std::vector<double>& start) {
+                                      const std::vector<double>& start, SigmaPriors priors) {
   std::vector<VarianceGroup> groups = search.groups;
   const Eigen::Index n = search.views.front().by_unknowns.cols();
   const size_t first = groups.size();
   for (const EffectGroup& group : effects.groups) {
     groups.push_back({VarianceGroup::Kind::kUnknowns, {}, group.sigma * group.sigma, true});
+    if (priors == SigmaPriors::kHalfCauchy) groups.back().half_cauchy = group.half_cauchy_sigma;
   }
   for (Eigen::Index k = 0; k < effects.size(); ++k) {
     groups[first + effects.effects[static_cast<size_t>(k)].group].columns.push_back(n + k);
@@ -49,15 +54,16 @@ std::vector<VarianceGroup> WithGroups(const SmoothSearch& search, const SharedEf
   return groups;
 }
 
-// The variances of all groups that the captures make most likely, and the log-likelihood at them.
+// The variances of all groups that the captures make most probable, and the logarithm of likelihood times prior.
 struct FittedVariances {
   double log_likelihood = -std::numeric_limits<double>::infinity();
   std::vector<double> variances;
 };
 
 // Returns those of smooth errors; `start` as in WithGroups.
-FittedVariances FitWith(const SmoothSearch& search, const SmoothErrors& errors, const std::vector<double>& start) {
-  std::vector<VarianceGroup> groups = WithGroups(search, errors.effects(), start);
+FittedVariances FitWith(const SmoothSearch& search, const SmoothErrors& errors, const std::vector<double>& start,
+                        SigmaPriors priors) {
+  std::vector<VarianceGroup> groups = WithGroups(search, errors.effects(), start, priors);
   const VarianceStart at = start.empty() ? VarianceStart::kAnywhere : VarianceStart::kNear;
   FittedVariances fitted{FitVariances(WithUnknowns(search, errors), at, &groups), {}};
   for (const VarianceGroup& group : groups) fitted.variances.push_back(group.variance);
@@ -105,7 +111,7 @@ LeastVariances OfAccurateRobot() {
 // ones.
 double LikelihoodOfLeast(const SmoothSearch& search, const LeastVariances& least, const SmoothErrors& errors,
                          const FittedVariances& fitted) {
-  std::vector<VarianceGroup> groups = WithGroups(search, errors.effects(), fitted.variances);
+  std::vector<VarianceGroup> groups = WithGroups(search, errors.effects(), fitted.variances, SigmaPriors::kNone);
   bool is_less = false;
   for (size_t k = 0; k < 2; ++k) {
     VarianceGroup& smooth = groups[search.groups.size() + k];
@@ -176,7 +182,8 @@ class LengthProbabilities {
     const auto [place, is_new] = logs_.try_emplace(octaves, -std::numeric_limits<double>::infinity());
     const SmoothLengths lengths = LengthsAt(octaves);
     if (is_new && IsWithinLimits(lengths)) {
-      const FittedVariances fitted = FitWith(search_, SmoothErrors(search_.poses, lengths), variances_);
+      const FittedVariances fitted =
+          FitWith(search_, SmoothErrors(search_.poses, lengths), variances_, SigmaPriors::kHalfCauchy);
       place->second = fitted.log_likelihood + LogPriorAt(octaves);
       if (place->second > best_) {
         best_ = place->second;
@@ -248,8 +255,9 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
   const double log_likelihood_without = FitVariances(search.views, VarianceStart::kAnywhere, &without);
   LengthProbabilities probabilities(search);
   FoundSmoothErrors found{SmoothErrors(search.poses, probabilities.MostProbable())};
-  const FittedVariances fitted = FitWith(search, found.errors, probabilities.variances());
-  found.errors.SetSigmas(SmoothSigmas(search, fitted.variances));
+  const FittedVariances probable = FitWith(search, found.errors, probabilities.variances(), SigmaPriors::kHalfCauchy);
+  found.errors.SetSigmas(SmoothSigmas(search, probable.variances));
+  const FittedVariances fitted = FitWith(search, found.errors, probable.variances, SigmaPriors::kNone);
   found.log_likelihood_gain = fitted.log_likelihood - log_likelihood_without;
   found.is_exact_without = search.is_exact_without;
   const LeastVariances least = search.is_exact_without ? OfAccurateRobot() : HalfOfWhite(search, without);

@@ -24,7 +24,7 @@ struct SmoothSearch {
 };
 
 struct FoundSmoothErrors {
-  SmoothErrors errors;             // With the most likely standard deviations.
+  SmoothErrors errors;             // With the most probable standard deviations.
   double log_likelihood_gain = 0;  // The log-likelihood ratio (restricted) to a model without smooth errors.
   bool is_exact_without = false;   // SmoothSearch::is_exact_without.
   // How many times as likely the model without smooth errors is as that with at least half of the variances of its
@@ -33,9 +33,9 @@ struct FoundSmoothErrors {
 };
 
 // Returns the smooth errors whose lengths the captures make most probable: the restricted likelihood times a prior by
-// which the lengths of arms scatter by a factor of two. They are found by descent over factors of 2, 2^(1/2) and
-// 2^(1/4), and by a parabola through the last steps. If there are more than 250 poses, as many of them are used, and
-// the gain is theirs.
+// which the lengths of arms scatter by a factor of two, and the priors of EffectGroup::half_cauchy_sigma. They are
+// found by descent over factors of 2, 2^(1/2) and 2^(1/4), and by a parabola through the last steps. If there are more
+// than 250 poses, as many of them are used, and the gain is theirs.
 FoundSmoothErrors FindSmoothErrors(const SmoothSearch& search);
 
 // Returns whether smooth errors are part of the model. They are left out only if the captures do not reject the model

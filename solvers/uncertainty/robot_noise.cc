@@ -90,6 +90,7 @@ std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, c
     groups.back().avoids_zero = are_free && avoid_zero;
     const double most = effects->groups[g].most_sigma;
     if (most > 0) groups.back().most = most * most;
+    if (const double scale = effects->groups[g].half_cauchy_sigma; scale > 0) groups.back().half_cauchy = scale;
   }
   const Eigen::Index first = block.first;
   for (size_t i = 0; i < effects->effects.size(); ++i) {

@@ -15,12 +15,17 @@ namespace {
 
 using Kind = VarianceGroup::Kind;
 
-// Adds the log-normal densities of the square roots of the variances, expressed in the logarithm of the variance.
+// Adds the densities of the square roots of the variances, the log-normal ones expressed in the logarithm of the
+// variance.
 void AddPriors(const std::vector<VarianceGroup>& groups, const Eigen::VectorXd& variances, Likelihood* likelihood) {
   for (size_t i = 0; i < groups.size(); ++i) {
-    if (!groups[i].prior && !groups[i].avoids_zero) continue;
     const auto k = static_cast<Eigen::Index>(i);
     const double v = variances[k];
+    const double square = groups[i].half_cauchy * groups[i].half_cauchy;
+    likelihood->minus_log += std::log1p(v / square);
+    likelihood->gradient[k] -= 1 / (v + square);
+    if (likelihood->fisher.size() > 0) likelihood->average(k, k) -= 0.5 / std::pow(v + square, 2);
+    if (!groups[i].prior && !groups[i].avoids_zero) continue;
     if (!(v > 0)) {
       likelihood->minus_log = std::numeric_limits<double>::infinity();
       return;

@@ -34,6 +34,10 @@ struct VarianceGroup {
   // about one standard deviation away from zero instead.
   bool avoids_zero = false;
   double most = std::numeric_limits<double>::infinity();  // The largest value that is estimated.
+  // The scale of a half-Cauchy prior density of the square root (Gelman, "Prior distributions for variance parameters
+  // in hierarchical models", 2006); infinite without one. Where the data hardly tell a variance, its likelihood may be
+  // flat up to values that nothing has.
+  double half_cauchy = std::numeric_limits<double>::infinity();
 };
 
 }  // namespace heba

@@ -35,6 +35,8 @@ struct EffectGroup {
   double least_sigma = 0;
   // The largest standard deviation that is estimated; 0 if there is no limit.
   double most_sigma = 0;
+  // The scale of a half-Cauchy prior of the standard deviation; 0 without one.
+  double half_cauchy_sigma = 0;
 };
 
 // One unknown effect.

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "heba/base/error.h"
+#include "heba/base/units.h"
 
 namespace heba {
 namespace {
@@ -15,6 +16,9 @@ constexpr double kLacking = 0.01;
 // The standard deviations with which the estimation of the groups' own ones starts.
 constexpr double kTranslationStartM = 1e-3;
 constexpr double kRotationStartRad = 2e-3;
+// The scales of their half-Cauchy priors: three times what industrial arms have at most.
+constexpr double kPriorM = 3e-3;
+constexpr double kPriorRad = DegToRad(0.3);
 
 double CovarianceOf(const Rigid3d& a, const Rigid3d& b, const SmoothLengths& lengths) {
   const double translation = (a.translation - b.translation).norm() / lengths.translation_m;
@@ -27,7 +31,8 @@ SharedEffects EffectsOf(size_t num_functions) {
   effects.name = "smooth errors of the poses";
   effects.kind = SharedEffectsKind::kSmooth;
   effects.num_fitted = 2;  // The lengths.
-  effects.groups = {{"smooth translations", "m", kTranslationStartM}, {"smooth rotations", "rad", kRotationStartRad}};
+  effects.groups = {{"smooth translations", "m", kTranslationStartM, 0, 0, kPriorM},
+                    {"smooth rotations", "rad", kRotationStartRad, 0, 0, kPriorRad}};
   for (const size_t group : {size_t{0}, size_t{1}}) {
     for (size_t k = 0; k < num_functions; ++k) {
       for (const char* const axis : {"x", "y", "z"}) {
