@@ -158,7 +158,8 @@ std::pair<std::string, std::vector<std::string>> Check(const fs::path& folder,
                                      : SessionAtPoses(run, images, PosesAtImages(run, arms, poses_of_arms, images),
                                                       is_target_in_place, num_threads);
   const Outcome<SessionCheck> check = CheckSession(session.problem, session.solution, session.options);
-  return {check ? CheckToJson(session.problem, *check) : UndecidedToJson(UndecidedText(check.failure())),
+  return {check ? CheckToJson(session.problem, *check)
+                : UndecidedToJson(WhyUndecided(check.failure(), images, num_threads)),
           session.notes};
 }
 

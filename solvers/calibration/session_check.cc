@@ -15,6 +15,9 @@
 #include "solvers/initial/target_pose.h"
 #include "solvers/refine/fit.h"
 #include "solvers/refine/linearised_images.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/residuals/noise_scale.h"
+#include "solvers/residuals/view_reduction.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -24,9 +27,11 @@ constexpr double kFalseAlarms = 0.05;
 constexpr double kSeen = 0.95;
 constexpr int kNumDraws = 4000;
 // A lens is found to have changed from this probability on, and if it moves the points by so many sigmas of a pixel
-// (RMS): what the calibration's model of lens and target lacks is the same in many points, and smaller.
+// (RMS): what the calibration's model of lens and target lacks is the same in many points, and smaller. The scale of a
+// target must change by more than errors of a robot's lengths.
 constexpr double kLensP = 1e-6;
 constexpr double kLeastLensShift = 2;
+constexpr double kLeastScaleChange = 0.01;
 
 // The residuals of all images at the calibration, whitened by everything that scatters them if nothing has changed, and
 // their derivatives by the unknowns.
@@ -35,6 +40,33 @@ struct WhitenedSession {
   Eigen::MatrixXd by_unknowns;
   Eigen::VectorXd residuals;
 };
+
+// Returns the points of an image without those that contradict the others: misread ones, which a calibration would
+// reject, too. They are judged by the pose of the target that fits this image best, with the larger of the noise of the
+// calibration and that of their median, so that a lens that has changed makes no outliers. Returns all points if that
+// pose is not known or more than a fifth contradict it.
+Observations WithoutMisreadPoints(const Camera& camera, const TargetShape& shape, double sigma_px,
+                                  const Observations& points) {
+  constexpr int kMostSteps = 5;
+  constexpr double kLeastKept = 0.8;
+  constexpr int kFewestPoints = 6;
+  std::vector<bool> keep(static_cast<size_t>(points.size()), true);
+  for (int step = 0; step < kMostSteps; ++step) {
+    const auto num_kept = static_cast<int>(std::count(keep.begin(), keep.end(), true));
+    if (num_kept < std::max(kFewestPoints, static_cast<int>(std::ceil(kLeastKept * points.size())))) return points;
+    const std::vector<TargetPose> poses = EstimateTargetPose(camera, ApplyShape(KeepPoints(points, keep), shape));
+    if (poses.empty()) return points;
+    const Rigid3d& pose = poses.front().camera_from_target;
+    const Observations shaped = ApplyShape(points, shape);
+    const std::optional<std::vector<double>> squares =
+        WhitenedSquares(camera.Model(), camera.params.data(), pose, shaped, nullptr);
+    if (!squares) return points;
+    const std::vector<bool> inliers = FindInliers(camera, pose, shaped, std::max(sigma_px, SigmaFromMedian(*squares)));
+    if (inliers == keep) break;
+    keep = inliers;
+  }
+  return KeepPoints(points, keep);
+}
 
 // Returns the covariance of the unknowns of a layout, of which the calibration may know fewer: what it does not know is
 // held.
@@ -133,6 +165,7 @@ struct TestedPart {
   SessionChange change;
   Eigen::Index first = 0;  // Among the columns of all tested parts.
   Eigen::Index size = 0;
+  bool has_pose = true;  // Whether the first six columns are those of its pose.
   Eigen::MatrixXd inverse_information;
 };
 
@@ -218,40 +251,88 @@ struct TestedParts {
   std::vector<Eigen::Index> columns;
 };
 
-// Returns the parts that the images may tell, poses before lenses.
+// Returns the parts that the images may tell, changes of poses alone before the others. Without `has_targets`, the
+// poses of the targets are not those of parts.
 TestedParts PartsOf(const Problem& problem, const UnknownLayout& layout, bool has_targets) {
   TestedParts tested;
-  const auto add = [&](ChangedPart kind, size_t index, const std::string& block_name) {
-    const UnknownBlock block = layout.Block(block_name);
-    if (block.size == 0) return;
+  const UnknownBlock none;
+  const auto add = [&](ChangedPart kind, size_t index, const UnknownBlock& pose, const UnknownBlock& params) {
+    if (pose.size + params.size == 0 || (!IsMoved(kind) && params.size == 0)) return;
     TestedPart& part = tested.parts.emplace_back();
     part.change.part = kind;
     part.change.index = index;
     part.first = static_cast<Eigen::Index>(tested.columns.size());
-    part.size = block.size;
-    for (Eigen::Index i = block.first; i < block.end(); ++i) tested.columns.push_back(i);
+    part.size = pose.size + params.size;
+    part.has_pose = pose.size > 0;
+    for (const UnknownBlock& block : {pose, params}) {
+      for (Eigen::Index i = block.first; i < block.end(); ++i) tested.columns.push_back(i);
+    }
   };
-  for (size_t c = 0; c < problem.cameras.size(); ++c) add(ChangedPart::kCamera, c, CameraPoseBlock(problem.cameras[c]));
-  for (size_t t = 0; t < problem.targets.size() && has_targets; ++t) {
-    add(ChangedPart::kTarget, t, TargetPoseBlock(problem.targets[t]));
+  const auto pose_of = [&](const ProblemTarget& target) {
+    return has_targets ? layout.Block(TargetPoseBlock(target)) : none;
+  };
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    add(ChangedPart::kCamera, c, layout.Block(CameraPoseBlock(problem.cameras[c])), none);
   }
-  for (size_t r = 1; r < problem.robots.size(); ++r) add(ChangedPart::kBase, r, BaseBlock(problem.robots[r]));
-  for (size_t c = 0; c < problem.cameras.size(); ++c) add(ChangedPart::kLens, c, CameraBlock(problem.cameras[c]));
+  for (size_t t = 0; t < problem.targets.size(); ++t) add(ChangedPart::kTarget, t, pose_of(problem.targets[t]), none);
+  for (size_t r = 1; r < problem.robots.size(); ++r) {
+    add(ChangedPart::kBase, r, layout.Block(BaseBlock(problem.robots[r])), none);
+  }
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    const UnknownBlock lens = layout.Block(CameraBlock(problem.cameras[c]));
+    add(ChangedPart::kLens, c, none, lens);
+    add(ChangedPart::kExchangedCamera, c, layout.Block(CameraPoseBlock(problem.cameras[c])), lens);
+  }
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    const ProblemTarget& target = problem.targets[t];
+    UnknownBlock scales = layout.Block(TargetShapeBlock(target));
+    const auto& free = target.free_shape;
+    if (std::find(free.begin(), free.end(), TargetShapeGroup::kScale) == free.end()) continue;
+    scales.size = NumParamsOf(TargetShapeGroup::kScale);
+    add(ChangedPart::kExchangedTarget, t, pose_of(target), scales);
+  }
   return tested;
 }
 
-// Returns which poses are those of the parts of a kind, which is not that of lenses.
+// Returns which poses are those of the parts of a kind.
 std::vector<Rigid3d> CellPoses::*PosesOf(ChangedPart kind) {
   switch (kind) {
     case ChangedPart::kTarget:
+    case ChangedPart::kExchangedTarget:
       return &CellPoses::mount_from_target;
     case ChangedPart::kBase:
       return &CellPoses::world_from_base;
     case ChangedPart::kCamera:
     case ChangedPart::kLens:
+    case ChangedPart::kExchangedCamera:
       break;
   }
   return &CellPoses::mount_from_camera;
+}
+
+// Returns the parameters of a part that has some.
+Eigen::VectorXd ParamsOf(const SessionChange& part, const Solution& solution) {
+  if (part.part == ChangedPart::kExchangedTarget) {
+    return Eigen::VectorXd::Map(solution.shapes[part.index].params.data(), NumParamsOf(TargetShapeGroup::kScale));
+  }
+  const std::vector<double>& params = solution.cameras[part.index].params;
+  return Eigen::VectorXd::Map(params.data(), static_cast<Eigen::Index>(params.size()));
+}
+
+// Returns the solution with a part that has changed, its pose before its parameters.
+Solution Changed(Solution solution, const TestedPart& part, const Eigen::VectorXd& change) {
+  const size_t index = part.change.index;
+  if (part.has_pose) {
+    Rigid3d& pose = (solution.poses.*PosesOf(part.change.part))[index];
+    pose = Retract(pose, Tangent6(change.head<6>()));
+  }
+  const Eigen::Index num_params = change.size() - (part.has_pose ? 6 : 0);
+  if (num_params == 0) return solution;
+  const Eigen::VectorXd params = ParamsOf(part.change, solution) + change.tail(num_params);
+  const bool is_target = part.change.part == ChangedPart::kExchangedTarget;
+  std::copy(params.begin(), params.end(),
+            is_target ? solution.shapes[index].params.data() : solution.cameras[index].params.data());
+  return solution;
 }
 
 // Returns the inverse information of a part; nothing if the images do not determine its change. `squares` are those of
@@ -394,13 +475,7 @@ std::optional<FittedChange> FitChange(const Problem& problem, const Solution& st
     const double squares = (evaluated->residuals - own * change).squaredNorm();
     if (!std::isfinite(squares) || !change.allFinite()) break;
     if (fitted && squares > 1.5 * fitted->squares + 1) break;  // It diverges.
-    if (part.change.part == ChangedPart::kLens) {
-      std::vector<double>& params = at.cameras[part.change.index].params;
-      for (size_t i = 0; i < params.size(); ++i) params[i] += change[static_cast<Eigen::Index>(i)];
-    } else {
-      Rigid3d& pose = (at.poses.*PosesOf(part.change.part))[part.change.index];
-      pose = Retract(pose, Tangent6(change));
-    }
+    at = Changed(std::move(at), part, change);
     const Eigen::VectorXd left =
         evaluated->all_residuals - evaluated->all_tested.middleCols(part.first, part.size) * change;
     at = Stepped(std::move(at), StepOfTargets(*evaluated, left));
@@ -411,18 +486,12 @@ std::optional<FittedChange> FitChange(const Problem& problem, const Solution& st
   return fitted;
 }
 
-// Returns the change of a part from the calibration to a solution: the tangent of a pose, or the difference of a lens.
+// Returns the change of a part from the calibration to a solution: the tangent of a pose that has changed alone, or the
+// difference of the parameters.
 Eigen::VectorXd ChangeTo(const Solution& calibration, const Solution& solution, const SessionChange& part) {
-  const size_t i = part.index;
-  if (part.part != ChangedPart::kLens) {
-    const auto poses = PosesOf(part.part);
-    return LocalCoordinates((calibration.poses.*poses)[i], (solution.poses.*poses)[i]);
-  }
-  const std::vector<double>& before = calibration.cameras[i].params;
-  const std::vector<double>& after = solution.cameras[i].params;
-  Eigen::VectorXd change(static_cast<Eigen::Index>(before.size()));
-  for (size_t k = 0; k < before.size(); ++k) change[static_cast<Eigen::Index>(k)] = after[k] - before[k];
-  return change;
+  if (!IsMoved(part.part)) return ParamsOf(part, solution) - ParamsOf(part, calibration);
+  const auto poses = PosesOf(part.part);
+  return LocalCoordinates((calibration.poses.*poses)[part.index], (solution.poses.*poses)[part.index]);
 }
 
 // Returns by how many sigmas of a pixel a change of a lens moves the points (RMS).
@@ -469,69 +538,89 @@ Scatter ScatterOf(const Problem& problem, const Solution& solution) {
   return number > 0 ? Scatter{squares / number, number} : Scatter();
 }
 
-// Returns a check with the changes of the poses that fit best in place of the linear ones, the lenses that have changed
-// beyond doubt, and what is left unexplained.
+// A change that was fitted, with the sum of the squares that it leaves.
+struct RankedChange {
+  double squares = 0;
+  double num_unknowns = 0;
+  SessionChange change;
+
+  double Rank() const { return squares + 2 * num_unknowns; }  // Akaike's criterion: the least is the most likely.
+};
+
+// Returns whether a lens, or the scales of a target, have changed by more than what models lack.
+bool IsLargeChange(const Problem& problem, const Evaluated& at, const SessionChange& change) {
+  if (change.part == ChangedPart::kExchangedTarget) return change.change.cwiseAbs().maxCoeff() > kLeastScaleChange;
+  return LensShift(problem, at, change) >= kLeastLensShift;
+}
+
+// Returns a check with the changes of the poses that fit best in place of the linear ones, the `others` that have
+// changed beyond doubt, and what is left unexplained.
 SessionCheck WithFittedChanges(SessionCheck check, const Problem& problem, const Solution& calibration,
                                const Solution& start, const SessionOptions& options,
                                const std::vector<Eigen::Index>& columns, const Evaluated& at_start,
-                               const std::vector<TestedPart>& parts, const std::vector<TestedPart>& lenses) {
+                               const std::vector<TestedPart>& parts, const std::vector<TestedPart>& others) {
   const double dof = calibration.covariance_dof;
-  std::vector<std::pair<double, SessionChange>> ranked;  // By Akaike's criterion, the least first.
+  std::vector<RankedChange> ranked;
   const auto add = [&](const TestedPart& part, SessionChange change) {
     const std::optional<FittedChange> fitted = FitChange(problem, start, options, columns, part);
     if (!fitted) return;
     change.change = ChangeTo(calibration, fitted->solution, change);
     change.covariance = fitted->covariance;
-    ranked.emplace_back(fitted->squares + 2 * static_cast<double>(part.size), std::move(change));
+    ranked.push_back({fitted->squares, static_cast<double>(part.size), std::move(change)});
   };
   for (size_t i = 0; i < parts.size(); ++i) add(parts[i], check.changes[i]);
-  const auto by_rank = [](const auto& a, const auto& b) { return a.first < b.first; };
+  const auto by_rank = [](const RankedChange& a, const RankedChange& b) { return a.Rank() < b.Rank(); };
   std::stable_sort(ranked.begin(), ranked.end(), by_rank);
-  const double best = ranked.empty() ? at_start.residuals.squaredNorm() : ranked.front().first;
-  for (const TestedPart& part : lenses) {
+  const double best = ranked.empty() ? at_start.residuals.squaredNorm() : ranked.front().Rank();
+  for (const TestedPart& part : others) {
     const std::optional<FittedChange> fitted = FitChange(problem, start, options, columns, part);
     if (!fitted) continue;
-    SessionChange lens = part.change;
-    lens.change = ChangeTo(calibration, fitted->solution, lens);
-    lens.covariance = fitted->covariance;
+    SessionChange other = part.change;
+    other.change = ChangeTo(calibration, fitted->solution, other);
+    const Eigen::Index num_params = other.change.size();
+    other.covariance = fitted->covariance.bottomRightCorner(num_params, num_params);
     const auto size = static_cast<double>(part.size);
     const double gain = std::max(0.0, at_start.residuals.squaredNorm() - fitted->squares);
-    lens.p_value = FisherTail(gain / size, size, dof);
+    other.p_value = FisherTail(gain / size, size, dof);
     constexpr double kDecisive = 20;
-    if (lens.p_value >= kLensP || LensShift(problem, at_start, lens) < kLeastLensShift) continue;
+    if (other.p_value >= kLensP || !IsLargeChange(problem, at_start, other)) continue;
     if (fitted->squares + 2 * size > best - kDecisive) continue;
     check.has_changed = true;
-    check.p_value = std::min(check.p_value, lens.p_value);
-    ranked.emplace_back(fitted->squares + 2 * size, std::move(lens));
+    check.p_value = std::min(check.p_value, other.p_value);
+    ranked.push_back({fitted->squares, size, std::move(other)});
   }
   if (ranked.empty()) return check;
   std::stable_sort(ranked.begin(), ranked.end(), by_rank);
   check.changes.clear();
-  for (auto& [rank, change] : ranked) {
-    change.rank = rank;
-    check.changes.push_back(std::move(change));
+  for (RankedChange& one : ranked) {
+    one.change.rank = one.Rank();
+    check.changes.push_back(std::move(one.change));
   }
-  const auto left = static_cast<double>(at_start.residuals.size() - at_start.moved.cols()) -
-                    static_cast<double>(check.changes.front().change.size());
+  const double left =
+      static_cast<double>(at_start.residuals.size() - at_start.moved.cols()) - ranked.front().num_unknowns;
   if (left <= 0) return check;
-  const double squares = check.changes.front().rank - 2 * static_cast<double>(check.changes.front().change.size());
+  const double squares = ranked.front().squares;
   check.unexplained_ratio = std::sqrt(std::max(0.0, squares) / left);
   check.unexplained_p_value = FisherTail(std::max(0.0, squares) / left, left, dof);
   return check;
 }
 
-}  // namespace
-
-Outcome<SessionCheck> CheckSession(const Problem& problem_in, const Solution& solution, const SessionOptions& options) {
+// Tests all captures together, as CheckSession.
+Outcome<SessionCheck> CheckCaptures(const Problem& problem_in, const Solution& solution,
+                                    const SessionOptions& options) {
   Solution calibration = solution;
   calibration.unmodelled_sigma_px.resize(problem_in.cameras.size());  // A file does not have them.
   constexpr double kLeastPx = 1e-6;                                   // A file may state an exact camera.
   for (double& sigma_px : calibration.pixel_sigmas_px) sigma_px = std::max(sigma_px, kLeastPx);
-  const Problem problem = WeightedAs(calibration, problem_in);
+  Problem problem = WeightedAs(calibration, problem_in);
   SessionCheck check;
-  for (const ProblemCapture& capture : problem.captures) {
+  for (ProblemCapture& capture : problem.captures) {
     std::set<size_t> cameras;
-    for (const ProblemImage& image : capture.images) cameras.insert(image.camera);
+    for (ProblemImage& image : capture.images) {
+      cameras.insert(image.camera);
+      image.observations = WithoutMisreadPoints(calibration.cameras[image.camera], calibration.shapes[image.target],
+                                                calibration.pixel_sigmas_px[image.camera], image.observations);
+    }
     check.num_images += static_cast<int>(cameras.size());
   }
   if (CapturesWithPoints(problem).empty()) return Failure{FailureCode("no_target")};
@@ -552,10 +641,10 @@ Outcome<SessionCheck> CheckSession(const Problem& problem_in, const Solution& so
     std::optional<Eigen::MatrixXd> inverse = InverseInformation(part, information, squares);
     if (inverse) parts.emplace_back(part).inverse_information = *std::move(inverse);
   }
-  const auto first_lens = std::find_if(parts.begin(), parts.end(),
-                                       [](const TestedPart& part) { return part.change.part == ChangedPart::kLens; });
-  const std::vector<TestedPart> lenses(first_lens, parts.end());
-  parts.erase(first_lens, parts.end());
+  const auto first_other =
+      std::find_if(parts.begin(), parts.end(), [](const TestedPart& part) { return !IsMoved(part.change.part); });
+  const std::vector<TestedPart> others(first_other, parts.end());
+  parts.erase(first_other, parts.end());
   if (parts.empty()) return Failure{FailureCode("no_part_told")};
 
   const auto least_p_value = [&](const Eigen::VectorXd& of_images, double scale) {
@@ -587,11 +676,43 @@ Outcome<SessionCheck> CheckSession(const Problem& problem_in, const Solution& so
   }
   const bool is_doubtful = check.has_changed || check.scatter_p_value < kFalseAlarms;
   if (is_doubtful) {
-    check = WithFittedChanges(std::move(check), problem, calibration, start, options, columns, *at, parts, lenses);
+    check = WithFittedChanges(std::move(check), problem, calibration, start, options, columns, *at, parts, others);
   } else {
     std::stable_sort(check.changes.begin(), check.changes.end(),
                      [](const SessionChange& a, const SessionChange& b) { return a.rank < b.rank; });
   }
+  return check;
+}
+
+// Returns the capture without which the others agree with the calibration best; nothing if they do not without any.
+std::optional<size_t> FindContradicting(const Problem& problem, const Solution& solution,
+                                        const SessionOptions& options) {
+  std::optional<size_t> found;
+  double largest = 0;
+  for (const size_t i : CapturesWithPoints(problem)) {
+    Problem others = problem;
+    others.captures[i].images.clear();
+    const Outcome<SessionCheck> rest = CheckCaptures(others, solution, options);
+    if (!rest || rest->has_changed || rest->p_value <= largest) continue;
+    found = i;
+    largest = rest->p_value;
+  }
+  return found;
+}
+
+}  // namespace
+
+Outcome<SessionCheck> CheckSession(const Problem& problem, const Solution& solution, const SessionOptions& options) {
+  Outcome<SessionCheck> check = CheckCaptures(problem, solution, options);
+  constexpr size_t kFewestCaptures = 4;
+  constexpr double kDecided = 1e-4;
+  if (!check || !check->has_changed || check->p_value > kDecided) return check;
+  if (CapturesWithPoints(problem).size() < kFewestCaptures) return check;
+  check->contradicting = FindContradicting(problem, solution, options);
+  // What has changed for good changes all images.
+  const auto is_other = [](const SessionChange& change) { return !IsMoved(change.part); };
+  const bool all_are_others = std::all_of(check->changes.begin(), check->changes.end(), is_other);
+  if (check->contradicting && !all_are_others) std::erase_if(check->changes, is_other);
   return check;
 }
 

@@ -1,5 +1,6 @@
 // `heba check`: images of a later session against a finished run.
 #include <cmath>
+#include <regex>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,6 +15,9 @@ namespace {
 using Json = nlohmann::json;
 namespace fs = std::filesystem;
 using testing::HasSubstr;
+
+// Returns a text with one space in place of each line break and what stands around it.
+std::string Unwrapped(const std::string& text) { return std::regex_replace(text, std::regex("\\s+"), " "); }
 
 class CheckCommandTest : public testing::Test {
  protected:
@@ -54,6 +58,28 @@ TEST_F(CheckCommandTest, HoldsWhereNothingHasMoved) {
   }
   const CommandResult json = Check("later", {"--poses", Path("later/poses.csv"), "--target", "in-place", "--json"});
   EXPECT_EQ(Json::parse(json.out)["decision"], "holds");
+}
+
+// A target of the same kind with larger squares is told by the motion of the robot; one with other markers by them.
+TEST_F(CheckCommandTest, NamesAnotherTarget) {
+  const std::string keys = "target={type: charuco, rows: 5, columns: 7, dictionary: DICT_4X4_50, ";
+  Simulate("larger",
+           {"--set", "seed=6", "--set", "motion.captures=4", "--set", keys + "square: 26 mm, marker: 18.72 mm}"});
+  const CommandResult larger = Check("larger", {"--poses", Path("larger/poses.csv"), "--target", "in-place"}, 4);
+  EXPECT_EQ(larger.status, 1);
+  EXPECT_THAT(Unwrapped(larger.out), HasSubstr("the target is another one: its points are farther apart by 4.0 %"));
+  const CommandResult json = Check("larger", {"--poses", Path("larger/poses.csv"), "--target", "moved", "--json"}, 4);
+  const Json change = Json::parse(json.out)["change"];
+  EXPECT_EQ(change["body"], "target");
+  EXPECT_EQ(change["exchanged"], true);
+  EXPECT_NEAR(change["scales"][0], 0.04, 0.003);
+  Simulate("other", {"--set", "seed=6", "--set", "motion.captures=2", "--set",
+                     keys + "square: 25 mm, marker: 18 mm, first_marker: 20}"});
+  const CommandResult other = Check("other", {"--poses", Path("other/poses.csv"), "--target", "in-place"}, 2);
+  EXPECT_EQ(other.status, 1);
+  EXPECT_THAT(Unwrapped(other.err), HasSubstr("undecided: no target was detected in these images; they show another "
+                                              "one: {type: charuco, rows: 5, columns: 7, square: SIZE"));
+  EXPECT_THAT(Unwrapped(other.err), HasSubstr("first_marker: 20"));
 }
 
 // A camera and a target that stand still need no robot: earlier images of the target take its place.

@@ -15,7 +15,7 @@ constexpr const char* kSchema = "heba/check/1";
 // Returns the body that a change is one of, as files name it: camera, target, base or lens, and its name if it has one.
 std::string BodyOf(const Problem& rig, const SessionChange& change) {
   if (change.part == ChangedPart::kBase) return "base " + rig.robots[change.index];
-  const bool is_target = change.part == ChangedPart::kTarget;
+  const bool is_target = change.part == ChangedPart::kTarget || change.part == ChangedPart::kExchangedTarget;
   const std::string& name = is_target ? rig.targets[change.index].name : rig.cameras[change.index].name;
   const std::string kind = is_target ? "target" : change.part == ChangedPart::kLens ? "lens" : "camera";
   return name.empty() ? kind : kind + " " + name;
@@ -30,9 +30,10 @@ Json VectorOf(const Eigen::VectorXd& vector, double factor) {
 Json ChangeJson(const Problem& rig, const SessionChange& change) {
   const Eigen::VectorXd sigmas = change.covariance.diagonal().cwiseMax(0).cwiseSqrt();
   Json json{{"body", BodyOf(rig, change)}, {"side", SideOf(rig, change)}, {"p_value", Finite(change.p_value)}};
-  if (change.part == ChangedPart::kLens) {
+  if (!IsMoved(change.part)) {
     json["side"] = nullptr;
-    json["intrinsics"] = VectorOf(change.change, 1);
+    json["exchanged"] = change.part != ChangedPart::kLens;
+    json[change.part == ChangedPart::kExchangedTarget ? "scales" : "intrinsics"] = VectorOf(change.change, 1);
     json["sigma"] = VectorOf(sigmas, 1);
     return json;
   }
@@ -53,9 +54,11 @@ std::string CheckToJson(const Problem& rig, const SessionCheck& check) {
             {"p_value", Finite(check.p_value)},
             {"images", check.num_images},
             {"scatter", {{"ratio", Finite(check.scatter_ratio)}, {"p_value", Finite(check.scatter_p_value)}}}};
+  json["contradicting"] = nullptr;
+  if (check.contradicting) json["contradicting"] = rig.captures[*check.contradicting].name;
   json["body"] = nullptr;
   json["change"] = nullptr;
-  if (DecisionOf(check) == "moved") {
+  if (DecisionOf(check) == "moved" && !check.contradicting) {
     json["body"] = BodyOf(rig, check.changes.front());
     json["change"] = ChangeJson(rig, check.changes.front());
   }

@@ -4,8 +4,12 @@
 #include <utility>
 
 #include "heba/base/error.h"
+#include "heba/base/even_indices.h"
 #include "heba/base/files.h"
+#include "heba/recognition.h"
+#include "targets/images/image.h"
 #include "tools/pipeline/reference_session.h"
+#include "tools/text/check_text.h"
 
 namespace heba {
 namespace {
@@ -43,6 +47,19 @@ CheckedSession SessionBesideReferences(const FinishedRun& run, const fs::path& r
   SessionOptions options;
   options.wobble = {};
   return {std::move(session.problem), std::move(session.solution), options, std::move(session.notes)};
+}
+
+std::string WhyUndecided(const Failure& failure, const std::vector<SessionImage>& images, int num_threads) {
+  const std::string text = UndecidedText(failure);
+  if (failure.code != "no_target") return text;
+  std::vector<cv::Mat> read;
+  // A few images tell.
+  constexpr size_t kMostImages = 3;
+  for (const size_t i : EvenIndices(images.size(), std::min(images.size(), kMostImages))) {
+    read.push_back(ReadGreyImage(images[i].path));
+  }
+  const std::vector<RecognisedTarget> shown = RecogniseTargets(read, num_threads);
+  return shown.empty() ? text : text + "; they show another one: " + RecognisedTargetText(shown.front());
 }
 
 }  // namespace heba

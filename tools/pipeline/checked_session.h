@@ -33,4 +33,8 @@ CheckedSession SessionAtPoses(const FinishedRun& run, const std::vector<SessionI
 CheckedSession SessionBesideReferences(const FinishedRun& run, const std::filesystem::path& reference,
                                        const std::vector<SessionImage>& images, int num_threads);
 
+// Returns why a check of these images decided nothing: the text of the failure and, if none of them shows a target of
+// the run, the target that they show. That takes a second or more.
+std::string WhyUndecided(const Failure& failure, const std::vector<SessionImage>& images, int num_threads);
+
 }  // namespace heba

@@ -11,6 +11,7 @@
 #include "heba/evaluation/arm_uncertainty.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/io/pose_source.h"
+#include "solvers/calibration/problem_model.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/robot_section.h"
 #include "tools/run/earlier_run.h"
@@ -20,7 +21,8 @@
 namespace heba {
 namespace {
 
-// Returns the parts of the run's problem whose change is asked for: the lenses, too, are not taken for granted.
+// Returns the parts of the run's problem whose change is asked for: lenses and scales of targets, too, are not taken
+// for granted.
 Problem ProblemOf(const RunResult& result) {
   Problem problem = result.rig;
   problem.captures.clear();
@@ -28,7 +30,10 @@ Problem ProblemOf(const RunResult& result) {
     problem.cameras[c].camera = result.solution.cameras[c];
     problem.cameras[c].free_intrinsics = BundleOptions().free_intrinsics;
   }
-  for (size_t t = 0; t < problem.targets.size(); ++t) problem.targets[t].free_shape = FreeShapeOf(result, t);
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    std::vector<TargetShapeGroup>& free = problem.targets[t].free_shape;
+    free = WithGroup(FreeShapeOf(result, t), TargetShapeGroup::kScale, true);
+  }
   return problem;
 }
 

@@ -23,8 +23,6 @@ bool IsUnexplained(const SessionCheck& check) {
   return check.unexplained_p_value < kMisfitP && check.unexplained_ratio > kMisfitRatio;
 }
 
-bool IsLens(const SessionCheck& check) { return check.changes.front().part == ChangedPart::kLens; }
-
 std::string MillimetresText(double length_m) { return ShownAmount(1000 * length_m, 2) + " mm"; }
 std::string DegreesText(double angle_rad) { return ShownAmount(RadToDeg(angle_rad), 2) + " deg"; }
 
@@ -45,6 +43,16 @@ std::string DirectionText(const Eigen::Vector3d& direction) {
 
 std::string SizeText(const SessionChange& change) {
   if (change.part == ChangedPart::kLens) return "has changed";
+  if (change.part == ChangedPart::kExchangedCamera) {
+    return "is another one, or its lens was changed and it was moved";
+  }
+  if (change.part == ChangedPart::kExchangedTarget) {
+    const auto percent = [&](Eigen::Index i) {
+      return Fixed(100 * change.change[i], 1) + " % (one sigma " +
+             ShownAmount(100 * std::sqrt(change.covariance(i, i)), 2) + " %)";
+    };
+    return "is another one: its points are farther apart by " + percent(0) + " along x and " + percent(1) + " along y";
+  }
   return "has moved by " + LengthText(change, 0, &MillimetresText) + " along " +
          DirectionText(change.change.head<3>()) + " and " + LengthText(change, 3, &DegreesText) + " in its own frame";
 }
@@ -56,7 +64,7 @@ std::string_view DecisionOf(const SessionCheck& check) {
 }
 
 std::string_view SideOf(const Problem& rig, const SessionChange& change) {
-  if (change.part == ChangedPart::kLens) return "";
+  if (!IsMoved(change.part)) return "";
   if (change.part == ChangedPart::kBase) return "world";
   const Mount& mount =
       change.part == ChangedPart::kCamera ? rig.cameras[change.index].mount : rig.targets[change.index].mount;
@@ -64,7 +72,7 @@ std::string_view SideOf(const Problem& rig, const SessionChange& change) {
 }
 
 std::string PartText(const Problem& rig, const SessionChange& change) {
-  if (change.part == ChangedPart::kTarget) {
+  if (change.part == ChangedPart::kTarget || change.part == ChangedPart::kExchangedTarget) {
     const std::string& name = rig.targets[change.index].name;
     return name.empty() ? "the target" : "target " + name;
   }
@@ -80,12 +88,17 @@ bool IsToldFrom(const SessionChange& likely, const SessionChange& other) {
 }
 
 std::string ChangeText(const Problem& rig, const SessionCheck& check) {
+  if (check.contradicting) {
+    return rig.captures[*check.contradicting].name +
+           " contradicts the other images, which agree with the calibration: its pose or the image is wrong, or "
+           "something was moved for it alone";
+  }
   if (IsUnexplained(check) && !IsMisfit(check)) {
     return "no change of one part explains the images, which differ " + Significant(check.unexplained_ratio, 2) +
            " times as much as the calibration allows: poses that belong to other images, poses in other units, or "
            "several parts that have moved";
   }
-  if (IsMisfit(check) && !IsLens(check)) {
+  if (IsMisfit(check) && IsMoved(check.changes.front().part)) {
     return "the points lie " + Significant(check.scatter_ratio, 2) +
            " times as far from where the target would be seen as in the calibration: the lens was refocused, the "
            "camera "

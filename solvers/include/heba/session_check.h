@@ -32,33 +32,37 @@ struct SessionOptions {
   std::vector<std::optional<SmoothPrior>> smooth = {};
 };
 
-// A part is what may have changed. The base of the first arm is the world, in which the others stand.
-enum class ChangedPart { kCamera, kTarget, kBase, kLens };
+// A part is what may have changed. The base of the first arm is the world, in which the others stand. An exchanged
+// camera has another pose and another lens; an exchanged target has the same points at other scales along x and y, and
+// another pose.
+enum class ChangedPart { kCamera, kTarget, kBase, kLens, kExchangedCamera, kExchangedTarget };
+// Returns whether a change is one of a pose alone.
+inline bool IsMoved(ChangedPart part) { return part < ChangedPart::kLens; }
 
 struct SessionChange {
   ChangedPart part = ChangedPart::kCamera;
   size_t index = 0;  // The index is that of the camera, of the target or of the arm.
   // The estimated change if nothing else has changed, and its covariance: of a pose its tangent (m, rad, in its own
-  // frame), of a lens its intrinsics.
+  // frame), of a lens its intrinsics, of an exchanged part what comes after its pose: intrinsics, or scales.
   Eigen::VectorXd change;
   Eigen::MatrixXd covariance;
   // The probability of images that ask for a change of this part at least as much if nothing has changed.
   double p_value = 1;
   // The translation of a pose without a rotation, and its rotation without a translation, that are seen with a
-  // probability of 95 %, over random directions; a lens has none.
+  // probability of 95 %, over random directions; of changes of a pose alone.
   std::optional<double> seen_m = {};
   std::optional<double> seen_rad = {};
   double rank = 0;  // Akaike's criterion of this change alone, up to a constant: the least is the most likely.
 };
 
 struct SessionCheck {
-  // The most likely first; without the parts about which the images say nothing, and without lenses that have not
-  // changed beyond doubt.
+  // The most likely first; without the parts about which the images say nothing, and without lenses and exchanged parts
+  // that have not changed beyond doubt.
   std::vector<SessionChange> changes;
   // The probability of images that ask for a change of any pose at least as much if nothing has changed, or that of a
-  // changed lens.
+  // changed lens or of an exchanged part.
   double p_value = 1;
-  bool has_changed = false;  // Whether it is below 5 %, or a lens has changed.
+  bool has_changed = false;  // Whether it is below 5 %, or a lens has changed or a part was exchanged.
   // The ratio of the scatter of the points about the best pose of the target in each image to the noise of the
   // calibration, and the probability of one at least as large. A wrong lens or target raises it.
   double scatter_ratio = 1;
@@ -66,6 +70,9 @@ struct SessionCheck {
   // The same of all residuals after the most likely change: images that belong to other poses raise it.
   double unexplained_ratio = 1;
   double unexplained_p_value = 1;
+  // The capture without which the others, at least three, agree with the calibration, where all together have changed
+  // at 1e-4: a wrong pose or a wrong image, or the only one that was taken after a change.
+  std::optional<size_t> contradicting = {};
   int num_images = 0;
 };
 

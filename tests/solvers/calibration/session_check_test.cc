@@ -62,8 +62,9 @@ void MoveTarget(const Tangent6& step, TwoSessions* sessions) {
 
 Outcome<SessionCheck> Check(const TwoSessions& sessions, bool is_in_place) {
   const BundleOptions bundle;  // The lens may have changed, too.
-  const Problem problem =
+  Problem problem =
       HandEyeProblem({sessions.solution.camera, sessions.later, sessions.setup, sessions.solution.shape}, bundle);
+  problem.targets[0].free_shape = {TargetShapeGroup::kScale};
   SessionOptions options;
   options.is_target_in_place = is_in_place;
   options.wobble = {};
@@ -200,6 +201,82 @@ TEST(SessionCheckTest, NamesALensThatWasRefocused) {
   EXPECT_EQ(check->changes.front().part, ChangedPart::kLens);
   EXPECT_NEAR(check->changes.front().change[0], 0.01 * sessions.solution.camera.params[0],
               0.1 * 0.01 * sessions.solution.camera.params[0]);
+}
+
+// Another target of the same kind, mounted elsewhere, has its points farther apart.
+TEST(SessionCheckTest, NamesATargetThatWasExchanged) {
+  for (const bool is_in_place : {true, false}) {
+    TwoSessions sessions = MakeSessions(14, Setup::kEyeToHand, 6);
+    Tangent6 step = Tangent6::Zero();
+    step << 2e-3, -1e-3, 0, 0, 0, 0.01;
+    MoveTarget(step, &sessions);
+    for (View& view : sessions.later) view.observations.points_in_target /= 1.04;
+    const Outcome<SessionCheck> check = Check(sessions, is_in_place);
+    ASSERT_TRUE(check.ok()) << check.reason();
+    EXPECT_TRUE(check->has_changed);
+    const SessionChange& likely = check->changes.front();
+    EXPECT_EQ(likely.part, ChangedPart::kExchangedTarget);
+    ASSERT_EQ(likely.change.size(), 2);
+    for (Eigen::Index i = 0; i < 2; ++i) {
+      constexpr double kSigmas = 5;
+      EXPECT_NEAR(likely.change[i], 0.04, kSigmas * std::sqrt(likely.covariance(i, i)));
+    }
+    EXPECT_GT(check->unexplained_p_value, 1e-4);
+  }
+}
+
+TEST(SessionCheckTest, NamesACameraThatWasExchanged) {
+  TwoSessions sessions = MakeSessions(15, Setup::kEyeToHand, 6);
+  const Eigen::Vector2d centre(sessions.solution.camera.params[2], sessions.solution.camera.params[3]);
+  Tangent6 step = Tangent6::Zero();
+  step << 2e-3, -1e-3, 1e-3, 5e-3, 0, 2e-3;
+  MoveCamera(step, &sessions);
+  for (View& view : sessions.later) {
+    Points2& pixels = view.observations.pixels;
+    pixels = (1.03 * (pixels.colwise() - centre)).colwise() + centre;
+  }
+  const Outcome<SessionCheck> check = Check(sessions, true);
+  ASSERT_TRUE(check.ok()) << check.reason();
+  EXPECT_TRUE(check->has_changed);
+  EXPECT_EQ(check->changes.front().part, ChangedPart::kExchangedCamera);
+}
+
+// One image at a wrong pose is named, and is no change of a part.
+TEST(SessionCheckTest, NamesTheCaptureThatContradictsTheOthers) {
+  for (const bool is_in_place : {true, false}) {
+    TwoSessions sessions = MakeSessions(17, Setup::kEyeToHand, 6);
+    Tangent6 step = Tangent6::Zero();
+    step << 5e-3, -3e-3, 2e-3, 0.01, 0, -0.02;
+    Rigid3d& pose = sessions.later[3].camera_mount_from_target_mount;
+    pose = Retract(pose, step);
+    const Outcome<SessionCheck> check = Check(sessions, is_in_place);
+    ASSERT_TRUE(check.ok()) << check.reason();
+    EXPECT_TRUE(check->has_changed);
+    EXPECT_EQ(check->contradicting, std::optional<size_t>(3));
+  }
+  TwoSessions moved = MakeSessions(17, Setup::kEyeToHand, 6);
+  Tangent6 step = Tangent6::Zero();
+  step << 1e-3, -2e-3, 1e-3, 2e-3, 0, -1e-3;
+  MoveCamera(step, &moved);
+  const Outcome<SessionCheck> check = Check(moved, true);
+  ASSERT_TRUE(check.ok()) << check.reason();
+  EXPECT_FALSE(check->contradicting.has_value());
+}
+
+// A calibration rejects a few points that were misread, and so does a check.
+TEST(SessionCheckTest, AFewMisreadPointsAreNoChange) {
+  for (const bool is_in_place : {true, false}) {
+    TwoSessions sessions = MakeSessions(16, Setup::kEyeInHand, 6);
+    const Outcome<SessionCheck> before = Check(sessions, is_in_place);
+    sessions.later[2].observations.pixels.col(0) += Eigen::Vector2d(4, -3);
+    sessions.later[2].observations.pixels.col(11) += Eigen::Vector2d(-2, 5);
+    sessions.later[4].observations.pixels.col(7) += Eigen::Vector2d(30, 0);
+    const Outcome<SessionCheck> check = Check(sessions, is_in_place);
+    ASSERT_TRUE(before && check);
+    EXPECT_EQ(check->has_changed, before->has_changed);
+    EXPECT_GT(check->scatter_p_value, 1e-3);
+    EXPECT_NEAR(check->scatter_ratio, before->scatter_ratio, 0.1);
+  }
 }
 
 TEST(SessionCheckTest, FailsWithoutEvidence) {

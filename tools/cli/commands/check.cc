@@ -115,7 +115,7 @@ int RunCommand_check(const std::vector<std::string>& arguments) {
   for (const std::string& note : session.notes) std::cerr << "heba: warning: " << note << std::endl;
   const Problem& rig = session.problem;
   const Outcome<SessionCheck> check = CheckSession(rig, session.solution, session.options);
-  if (!check) return Undecided(UndecidedText(check.failure()));
+  if (!check) return Undecided(WhyUndecided(check.failure(), images, NumThreads()));
   if (!FLAGS_history.empty()) AddToHistory(FLAGS_history, run.result.name, rig, *check);
   std::cout << (FLAGS_json ? CheckToJson(rig, *check) : ForTerminal(CheckText(rig, *check))) << std::flush;
   if (DecisionOf(*check) == "holds") return kDone;
