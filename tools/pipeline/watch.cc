@@ -7,7 +7,6 @@
 #include <memory>
 #include <optional>
 #include <set>
-#include <thread>
 #include <utility>
 
 #include "heba/base/error.h"
@@ -19,6 +18,7 @@
 #include "tools/config/finished_run.h"
 #include "tools/files/cached_detector.h"
 #include "tools/pages/page.h"
+#include "tools/pipeline/folder_watch.h"
 #include "tools/pipeline/image_quality.h"
 #include "tools/pipeline/pipeline.h"
 #include "tools/pipeline/quick_look.h"
@@ -60,11 +60,12 @@ std::vector<WatchedImage> ImagesOf(const RunConfig& config) {
 // The images that were looked at.
 struct Watched {
   std::map<fs::path, std::uintmax_t> sizes;  // Their sizes are those of the last look.
+  std::set<fs::path> closed;                 // Their writers have closed these.
   std::map<fs::path, std::string> complete;  // Each complete image has its ExposureText.
   std::set<fs::path> told;                   // A line was printed about these images.
 
-  // Looks at an image, and returns whether it is complete: its size has not changed since the last look, and it can be
-  // read.
+  // Looks at an image, and returns whether it is complete: its writer has closed it or its size has not changed since
+  // the last look, and it can be read.
   bool IsComplete(const fs::path& path);
 };
 
@@ -74,7 +75,7 @@ bool Watched::IsComplete(const fs::path& path) {
   if (error) return false;
   if (complete.contains(path) && sizes[path] == size) return true;
   const auto [last, is_new] = sizes.try_emplace(path, size);
-  const bool is_stable = !is_new && last->second == size && size > 0;
+  const bool is_stable = closed.contains(path) || (!is_new && last->second == size && size > 0);
   last->second = size;
   if (!is_stable) return false;
   try {
@@ -164,6 +165,11 @@ class WatchedSession {
   WatchedSession(std::string config_path, WatchOptions options)
       : config_path_(std::move(config_path)), options_(std::move(options)) {}
 
+  // Waits until something has happened in the folders of the session, but not for long.
+  void Wait() {
+    for (const fs::path& file : folders_.Wait(kInterval)) watched_.closed.insert(file);
+  }
+
   // Looks once. Returns whether the requirements are met.
   bool Look() {
     std::optional<RunConfig> config;
@@ -177,6 +183,7 @@ class WatchedSession {
     }
     has_config_ = true;
     const std::vector<WatchedImage> images = ImagesOf(*config);
+    Follow(*config, images);
     std::string missing;
     for (const WatchedImage& image : images) {
       if (!watched_.IsComplete(image.path)) missing = image.name;
@@ -204,6 +211,14 @@ class WatchedSession {
   }
 
  private:
+  void Follow(const RunConfig& config, const std::vector<WatchedImage>& images) {
+    std::set<fs::path> folders = {fs::path(config_path_).parent_path()};
+    for (const WatchedImage& image : images) folders.insert(image.path.parent_path());
+    for (const fs::path& file : config.data_files) folders.insert(file.parent_path());
+    if (folders.erase("") > 0) folders.insert(".");
+    folders_.Follow(folders);
+  }
+
   // Returns whether a fault is that of captures that have not come yet.
   static bool IsAboutCaptures(const std::string& fault) {
     const std::vector<std::string> words = {"captures.images", "captures.poses"};
@@ -371,6 +386,7 @@ class WatchedSession {
 
   std::string config_path_;
   WatchOptions options_;
+  FolderWatch folders_;
   bool has_config_ = false;
   int num_waits_ = 0;
   std::string looked_at_;  // StateOf the last look at images.
@@ -392,7 +408,7 @@ class WatchedSession {
 
 void Watch(const std::string& config_path, const WatchOptions& options) {
   WatchedSession session(config_path, options);
-  while (!session.Look()) std::this_thread::sleep_for(kInterval);
+  while (!session.Look()) session.Wait();
 }
 
 }  // namespace heba

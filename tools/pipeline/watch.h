@@ -13,11 +13,11 @@ struct WatchOptions {
   int num_threads = 1;
 };
 
-// Follows the images and the poses of a run's config by looking at them several times a second, which file systems of
-// any kind support, until the requirements of the config are met. A capture counts when its image and its pose are
-// there, and when the image is complete. The run's folder holds the latest result, and watch.html beside its report
-// reloads itself. Throws InputError if the config itself is wrong; images and poses that are missing or not complete
-// are waited for.
+// Follows the images and the poses of a run's config until the requirements of the config are met: whenever the system
+// reports a change, and several times a second, which file systems of any kind support. A capture counts when its image
+// and its pose are there, and when the image is complete. The run's folder holds the latest result, and watch.html
+// beside its report reloads itself. Throws InputError if the config itself is wrong; images and poses that are missing
+// or not complete are waited for.
 void Watch(const std::string& config_path, const WatchOptions& options);
 
 }  // namespace heba
