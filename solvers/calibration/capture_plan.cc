@@ -215,6 +215,7 @@ std::map<std::string, size_t> NumReached(const PosturesOfCaptures& postures) {
 }
 
 // Returns how far apart two configurations are: the mean distance of their postures over the captures that both reach.
+// Joints count to the next whole turn, after which an arm's errors are the same.
 double DistanceOf(const PlanCell& cell, const PosturesOfCaptures& postures, const std::string& a,
                   const std::string& b) {
   double sum = 0;
@@ -224,7 +225,7 @@ double DistanceOf(const PlanCell& cell, const PosturesOfCaptures& postures, cons
     if (of_a == nullptr) continue;
     const PlanPosture* const of_b = NearestPosture(cell, of_capture, of_a->joints, b);
     if (of_b == nullptr) continue;
-    sum += cell.posture_distance(of_a->joints, of_b->joints);
+    sum += (of_a->joints - of_b->joints).unaryExpr([](double d) { return std::remainder(d, 2 * kPi); }).norm();
     ++num;
   }
   return num > 0 ? sum / num : 0;
@@ -348,6 +349,11 @@ DrawnCaptures DrawCandidates(const PlanCell& cell, const PlanOptions& options, R
     filter.CountDraw();
     PlannedCapture capture;
     capture.camera_from_target = DrawPose(cell, depths_m, rng);
+    if (cell.nearest_reached) {
+      const Rigid3d wanted = BaseFromGripper(cell.setup, MountOf(cell, capture.camera_from_target));
+      capture.camera_from_target =
+          CameraFromTarget(cell.hand_eye, CameraMountFromTargetMount(cell.setup, cell.nearest_reached(wanted)));
+    }
     if (std::optional<PlannedCapture> completed = filter.Completed(std::move(capture))) {
       candidates.push_back(*std::move(completed));
     }
@@ -512,6 +518,29 @@ class Criterion {
     }
     const double mean = sum / static_cast<double>(places_.size());
     return is_of_variances_ ? std::log(mean) : mean;
+  }
+  // Returns the directions of the camera's pose of which the captures between two states of information tell little.
+  std::vector<UntoldDirection> UntoldOf(const Rigid3d& mount_from_camera, const Eigen::MatrixXd& before,
+                                        const Eigen::MatrixXd& after) const {
+    const auto factor_before = Cholesky(before);
+    const auto factor_after = Cholesky(after);
+    std::vector<UntoldDirection> untold;
+    if (!factor_before || !factor_after) return untold;
+    const Eigen::MatrixXd covariance_before = factor_before->Inverse();
+    const Eigen::MatrixXd covariance_after = factor_after->Inverse();
+    for (const bool is_rotation : {false, true}) {
+      const Eigen::Index first = camera_pose_ + (is_rotation ? 3 : 0);
+      const SymmetricEigen<3> eigen = EigenOfSymmetric(Eigen::Matrix3d(covariance_after.block<3, 3>(first, first)));
+      const Eigen::Vector3d direction = eigen.vectors.col(2);
+      const double sigma = std::sqrt(eigen.values[2]);
+      const double sigma_before = std::sqrt(direction.dot(covariance_before.block<3, 3>(first, first) * direction));
+      constexpr double kMostLeft = 0.5;
+      constexpr double kSmallM = 5e-3;
+      constexpr double kSmallRad = DegToRad(1);
+      if (sigma < kMostLeft * sigma_before || sigma < (is_rotation ? kSmallRad : kSmallM)) continue;
+      untold.push_back({mount_from_camera.rotation * direction, is_rotation, sigma});
+    }
+    return untold;
   }
   // Returns a capture with the sigmas after it.
   PlannedCapture WithSigmas(PlannedCapture capture, const Eigen::MatrixXd& information) const {
@@ -713,10 +742,12 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
     }
     if (chosen.size() < static_cast<size_t>(options.count)) return WhyTooFew(drawn.drawn, chosen.size(), options.count);
   }
+  const Eigen::MatrixXd before = information;
   for (Candidate& one : chosen) {
     information += one.information;
     plan.captures.push_back(criterion.WithSigmas(std::move(one.capture), information));
   }
+  plan.untold = criterion.UntoldOf(cell.hand_eye.camera_mount_from_camera, before, information);
   if (!options.is_two_step) plan.captures = WithRevisits(std::move(plan.captures), cell, options.num_revisits);
   plan.captures = WithPostures(std::move(plan.captures), cell, options.is_two_step);
   std::vector<Rigid3d> poses;

@@ -31,6 +31,50 @@ constexpr const char* kCell =
     "  lens: {focal_length: 8 mm, pixel: 3.45 um, image_size: [1920, 1200]}\n"
     "evaluate: {require: [{within: 3 mm}]}\n";
 
+// An arm with three turns about the vertical and a slide keeps the gripper upright: the plan has poses that it reaches,
+// and says what they leave open.
+TEST(PlanCommandTest, PlansAnArmOfFourJoints) {
+  const fs::path folder = TestFolder("plan_four_joints");
+  const struct {
+    const char* type;
+    const char* origin;
+    const char* axis;
+    const char* limits;
+  } joints[] = {{"revolute", "0 0 0.4", "0 0 1", "lower=\"-2.5\" upper=\"2.5\""},
+                {"revolute", "0.25 0 0", "0 0 1", "lower=\"-2.5\" upper=\"2.5\""},
+                {"prismatic", "0.25 0 0", "0 0 -1", "lower=\"0\" upper=\"0.2\""},
+                {"revolute", "0 0 0", "0 0 -1", "lower=\"-3\" upper=\"3\""}};
+  std::string urdf = "<robot name=\"scara\"><link name=\"link0\"/>\n";
+  int number = 0;
+  for (const auto& joint : joints) {
+    const std::string parent = std::to_string(number++);
+    const std::string n = std::to_string(number);
+    urdf += "<link name=\"link" + n + "\"/><joint name=\"j" + n + "\" type=\"" + joint.type + "\"><parent link=\"link" +
+            parent + "\"/><child link=\"link" + n + "\"/><origin xyz=\"" + joint.origin + "\"/><axis xyz=\"" +
+            joint.axis + "\"/><limit " + joint.limits + " effort=\"1\" velocity=\"1\"/></joint>\n";
+  }
+  WriteAll(folder / "scara.urdf", urdf + "</robot>\n");
+  WriteAll(folder / "cell.yaml",
+           "setup: eye_in_hand\ntarget: {type: chessboard, rows: 6, columns: 9, square: 12 mm}\n"
+           "robot: {model: scara.urdf}\nrefine: {intrinsics: []}\n"
+           "plan:\n  hand_eye: {translation: [60 mm, 0 mm, 10 mm], rpy: [180 deg, 0 deg, 0 deg]}\n"
+           "  board: {translation: [350 mm, 0 mm, 0 mm], rpy: [180 deg, 0 deg, 30 deg]}\n"
+           "  workspace: {box: [[50 mm, -400 mm, 50 mm], [600 mm, 400 mm, 450 mm]]}\n"
+           "  lens: {focal_length: 3 mm, pixel: 3 um, image_size: [1280, 720]}\n"
+           "  uncertainty: {translation: 20 mm, rotation: 3 deg}\n");
+  const CommandResult plan = RunHeba({"plan", (folder / "cell.yaml").string(), "--count", "8"});
+  ASSERT_EQ(plan.status, 0) << plan.err;
+  const std::vector<std::string> rows = Split(ReadAll(folder / "cell_plan.csv"), '\n');
+  ASSERT_EQ(rows.size(), 13U);
+  for (size_t i = 1; i < 12; ++i) {
+    const std::vector<std::string> fields = Split(rows[i], ',');
+    EXPECT_NEAR(std::stod(fields[4]), 0, 1e-6);
+    EXPECT_NEAR(std::stod(fields[5]), 0, 1e-6);
+  }
+  EXPECT_EQ(Split(ReadAll(folder / "cell_plan_joints.csv"), '\n').size(), 13U);
+  EXPECT_THAT(plan.out, testing::ContainsRegex(R"(hardly tell the camera's position along \[0.00, -?0.00, -?1.00\])"));
+}
+
 TEST(PlanCommandTest, PlansACell) {
   const fs::path folder = TestFolder("plan_cell");
   WriteAll(folder / "cell.yaml", kCell);

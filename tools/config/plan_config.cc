@@ -39,21 +39,37 @@ bool IsPermitted(const Arm& arm, const Eigen::VectorXd& joints, bool has_plane, 
   return true;
 }
 
-// Returns the cell with the postures in which an arm reaches a pose, of those that its limits and the cell permit: the
-// one near `joints_near`, if that is set, or all. The base stands on a plane unless the workspace goes beyond it.
+// Returns the cell with the postures in which an arm reaches a pose, of those that its limits and the cell permit, and
+// with the poses that an arm of few joints reaches: the one near `joints_near`, if that is set, or all. The base stands
+// on a plane unless the workspace goes beyond it.
 PlanCell WithPostures(PlanCell cell, const RobotArm& robot) {
   cell.posture_distance = [arm = robot.arm](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
     return PostureDistance(arm, a, b);
   };
+  const bool has_few_joints = robot.arm.num_joints() < 6;
+  if (has_few_joints) {
+    cell.nearest_reached = [robot](const Rigid3d& base_from_gripper) {
+      const std::optional<Eigen::VectorXd> joints =
+          NearestPostureTo(robot.arm, base_from_gripper * Inverse(robot.tip_from_gripper));
+      return joints ? BaseFromTip(robot.arm, *joints) * robot.tip_from_gripper : base_from_gripper;
+    };
+  }
   const bool has_plane = cell.workspace && cell.workspace->low_m.z() >= 0;
-  cell.postures = [robot, has_plane, keep_out = cell.keep_out](const Rigid3d& base_from_gripper) {
+  cell.postures = [robot, has_few_joints, has_plane, keep_out = cell.keep_out](const Rigid3d& base_from_gripper) {
     const Rigid3d base_from_tip = base_from_gripper * Inverse(robot.tip_from_gripper);
     std::vector<Eigen::VectorXd> found;
     if (robot.joints_near.size() == robot.arm.num_joints()) {
       const Outcome<Eigen::VectorXd> near = PostureNear(robot.arm, base_from_tip, robot.joints_near);
       if (near) found = {*near};
+    } else if (has_few_joints) {
+      // The poses are those that it reaches, in this posture.
+      const std::optional<Eigen::VectorXd> joints = NearestPostureTo(robot.arm, base_from_tip);
+      if (joints) found = {*joints};
+      std::erase_if(found, [&](const Eigen::VectorXd& near) {
+        return LocalCoordinates(base_from_tip, BaseFromTip(robot.arm, near)).norm() > kReached;
+      });
     } else {
-      Outcome<std::vector<Eigen::VectorXd>> all = PosturesOf(robot.arm, base_from_tip);
+      Outcome<std::vector<Eigen::VectorXd>> all = PosturesWithinLimits(robot.arm, base_from_tip);
       if (all) found = *std::move(all);
     }
     std::vector<PlanPosture> postures;

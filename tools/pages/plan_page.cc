@@ -73,6 +73,7 @@ std::string PlanPage(const PlanConfig& config, const CapturePlan& plan) {
   for (const PlannedCapture& capture : plan.captures) num_new += capture.repeats ? 0 : 1;
   std::string body = "<h1>" + EscapedForMarkup(config.name) + ": the poses to take</h1>\n";
   body += Paragraph(Capitalised(ExpectedText(plan, num_new)) + ".");
+  if (!plan.untold.empty()) body += Paragraph(Capitalised(UntoldText(plan)) + ".");
   const std::string enough = EnoughText(config.requirements, plan);
   if (!enough.empty()) body += Paragraph(Capitalised(enough) + ".");
   if (num_new < plan.captures.size()) {

@@ -65,6 +65,23 @@ std::string ExpectedText(const CapturePlan& plan, size_t after) {
          " deg (one sigma, by the calibration alone)";
 }
 
+std::string UntoldText(const CapturePlan& plan) {
+  std::string text;
+  for (const UntoldDirection& untold : plan.untold) {
+    std::vector<std::string> numbers;
+    for (const double number : untold.in_mount) numbers.push_back(Fixed(number, 2));
+    text += (text.empty() ? "these captures hardly tell " : ", nor ") +
+            (untold.is_rotation ? std::string("the camera's orientation about [") : "the camera's position along [") +
+            Join(numbers, ", ") + "] of what it is mounted on (" +
+            (untold.is_rotation ? ShownAmount(RadToDeg(untold.sigma), 2) + " deg"
+                                : ShownAmount(1000 * untold.sigma, 2) + " mm") +
+            ", one sigma)";
+  }
+  return text + (text.empty()
+                     ? ""
+                     : ": turn the gripper about more directions, state the camera (camera.intrinsics), or measure it");
+}
+
 std::string EnoughText(const std::vector<PlacedRequirement>& requirements, const CapturePlan& plan) {
   std::string text;
   for (const PlacedRequirement& requirement : requirements) {
@@ -96,6 +113,7 @@ std::string PlanTable(const std::vector<PlacedRequirement>& requirements, const 
             PadLeft(Fixed(100 * capture.visible_share, 0) + " %", 18) + (note.empty() ? "" : "  " + note) + "\n";
   }
   text += ExpectedText(plan, NumNew(plan)) + "\n";
+  if (!plan.untold.empty()) text += UntoldText(plan) + "\n";
   const std::string enough = EnoughText(requirements, plan);
   if (!enough.empty()) text += enough + "\n";
   return text;

@@ -23,6 +23,8 @@ std::string PlanTable(const std::vector<PlacedRequirement>& requirements, const 
 
 // Returns what is expected of a plan in words, without a full stop; `after` is the number of captures.
 std::string ExpectedText(const CapturePlan& plan, size_t after);
+// Returns what the planned captures hardly tell about the camera's pose, likewise; empty if there is nothing.
+std::string UntoldText(const CapturePlan& plan);
 // Returns from which capture on a required accuracy is reached, in words; empty if nothing is required.
 std::string EnoughText(const std::vector<PlacedRequirement>& requirements, const CapturePlan& plan);
 

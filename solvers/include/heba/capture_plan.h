@@ -76,6 +76,8 @@ struct PlanCell {
   // Returns the postures in which the arm reaches a pose of the gripper, an empty list if it does not. Not set: every
   // pose is reached.
   std::function<std::vector<PlanPosture>(const Rigid3d& base_from_gripper)> postures = nullptr;
+  // Returns the pose next to a wanted one that an arm of fewer than six joints reaches. Not set: the wanted one.
+  std::function<Rigid3d(const Rigid3d& base_from_gripper)> nearest_reached = nullptr;
   // Returns how far apart two of them are; needed with `postures`.
   std::function<double(const Eigen::VectorXd& a, const Eigen::VectorXd& b)> posture_distance = nullptr;
 };
@@ -105,11 +107,20 @@ struct PlannedCapture {
   double orientation_rad = 0;
 };
 
+// A direction of the camera's pose of which the planned captures tell little: more than half of the sigma before them
+// stays, and more than 5 mm or 1 deg. Arms of few joints leave some.
+struct UntoldDirection {
+  Eigen::Vector3d in_mount;  // The direction or axis, in the frame of what the camera is mounted on.
+  bool is_rotation = false;
+  double sigma = 0;  // m or rad.
+};
+
 struct CapturePlan {
   std::vector<PlannedCapture> captures;
-  double target_before_m = 0;  // PlannedCapture::target_m before the session.
-  size_t num_candidates = 0;   // The poses from which was chosen.
-  double order_by_pose = 0;    // OrderByPose of the captures: a drift is seen below .3.
+  std::vector<UntoldDirection> untold;  // At most one of the position and one of the orientation.
+  double target_before_m = 0;           // PlannedCapture::target_m before the session.
+  size_t num_candidates = 0;            // The poses from which was chosen.
+  double order_by_pose = 0;             // OrderByPose of the captures: a drift is seen below .3.
 };
 
 // Returns the plan: candidates are drawn over the image, the depths, tilts and spins; those outside of the workspace,

@@ -105,6 +105,32 @@ TEST(PlanConfigurations, FormerPosesThatAreNotReachedAreNotTakenAgain) {
   }
 }
 
+// A gripper that stays upright turns about one direction, along which the camera's position is not told; across it is.
+TEST(PlanConfigurations, AnUprightGripperLeavesTheHeightOfTheCameraOpen) {
+  PlanCell cell;
+  cell.setup = Setup::kEyeInHand;
+  cell.camera = TestCamera();
+  cell.free_intrinsics.clear();
+  cell.points_in_target = GridPoints(6, 5, 0.03);
+  cell.z_out = true;
+  cell.hand_eye.camera_mount_from_camera = Rigid3d(ExpRotation({kPi, 0, 0}), Eigen::Vector3d(0.06, 0.02, 0.01));
+  cell.hand_eye.target_mount_from_target.translation = Eigen::Vector3d(0.4, 0.05, 0);
+  cell.nearest_reached = [](const Rigid3d& wanted) {
+    const Eigen::Vector3d x = wanted.rotation * Eigen::Vector3d::UnitX();
+    return Rigid3d(ExpRotation({0, 0, std::atan2(x.y(), x.x())}), wanted.translation);
+  };
+  const CapturePlan plan = PlanOf(cell, 8);
+  for (const PlannedCapture& capture : plan.captures) {
+    EXPECT_NEAR((capture.base_from_gripper.rotation * Eigen::Vector3d::UnitZ()).z(), 1, 1e-9);
+  }
+  ASSERT_EQ(plan.untold.size(), 1U);
+  EXPECT_FALSE(plan.untold.front().is_rotation);
+  EXPECT_NEAR(std::abs(plan.untold.front().in_mount.z()), 1, 1e-3);
+  // The heights of camera and target, of which only the sum is seen.
+  EXPECT_NEAR(plan.untold.front().sigma, cell.uncertainty_m / std::sqrt(2), 1e-3);
+  EXPECT_NEAR(plan.captures.back().position_m, plan.untold.front().sigma, 1e-3);
+}
+
 // The errors of the camera's position in the gripper, and of that of a point half a metre in front of the camera, in
 // the base, where the arm is in other configurations than in the first capture; m.
 struct CellErrors {
