@@ -188,7 +188,7 @@ Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_ti
 }
 
 std::optional<Eigen::VectorXd> NearestPostureTo(const Arm& arm, const Rigid3d& base_from_tip) {
-  constexpr int kNumStarts = 4;
+  constexpr int kNumStarts = 2;
   Rng rng(1);
   std::optional<Eigen::VectorXd> nearest;
   double least = std::numeric_limits<double>::infinity();
