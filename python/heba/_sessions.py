@@ -57,7 +57,8 @@ class Check:
 
     Attributes:
         decision: "holds", "moved", or "undecided".
-        body: What was moved: "camera", "target", "lens" or "base", with its name if it has one; None if nothing was.
+        body: What was moved: "camera", "target", "lens" or "base", with its name if it has one; None if nothing was, or if
+            one image contradicts the others (`data["contradicting"]`).
         change: How far, as the file states it (translation_mm, rotation_deg, sigma_mm, sigma_deg, ...); likewise.
         reason: Why there is no decision; else empty.
         notes: A sentence for each image that is not used.

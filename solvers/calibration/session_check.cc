@@ -62,10 +62,10 @@ Observations WithoutMisreadPoints(const Camera& camera, const TargetShape& shape
         WhitenedSquares(camera.Model(), camera.params.data(), pose, shaped, nullptr);
     if (!squares) return points;
     const std::vector<bool> inliers = FindInliers(camera, pose, shaped, std::max(sigma_px, SigmaFromMedian(*squares)));
-    if (inliers == keep) break;
+    if (inliers == keep) return KeepPoints(points, keep);
     keep = inliers;
   }
-  return KeepPoints(points, keep);
+  return points;
 }
 
 // Returns the covariance of the unknowns of a layout, of which the calibration may know fewer: what it does not know is
@@ -605,9 +605,12 @@ SessionCheck WithFittedChanges(SessionCheck check, const Problem& problem, const
   return check;
 }
 
+// How much of a check is wanted: whether any pose has changed, or also what, and what would have been seen.
+enum class CheckExtent { kDecision, kAll };
+
 // Tests all captures together, as CheckSession.
-Outcome<SessionCheck> CheckCaptures(const Problem& problem_in, const Solution& solution,
-                                    const SessionOptions& options) {
+Outcome<SessionCheck> CheckCaptures(const Problem& problem_in, const Solution& solution, const SessionOptions& options,
+                                    CheckExtent extent) {
   Solution calibration = solution;
   calibration.unmodelled_sigma_px.resize(problem_in.cameras.size());  // A file does not have them.
   constexpr double kLeastPx = 1e-6;                                   // A file may state an exact camera.
@@ -665,6 +668,7 @@ Outcome<SessionCheck> CheckCaptures(const Problem& problem_in, const Solution& s
   check.p_value = num_below >= kFew ? static_cast<double>(num_below) / kNumDraws
                                     : std::min(1.0, static_cast<double>(parts.size()) * least);
   check.has_changed = least <= critical;
+  if (extent == CheckExtent::kDecision) return check;
   for (const TestedPart& part : parts) {
     SessionChange& change = check.changes.emplace_back(part.change);
     change.covariance = part.inverse_information;
@@ -684,31 +688,48 @@ Outcome<SessionCheck> CheckCaptures(const Problem& problem_in, const Solution& s
   return check;
 }
 
-// Returns the capture without which the others agree with the calibration best; nothing if they do not without any.
-std::optional<size_t> FindContradicting(const Problem& problem, const Solution& solution,
-                                        const SessionOptions& options) {
+// Returns whether captures that hold would have seen a change that others show.
+bool WouldSee(const SessionCheck& holding, const SessionChange& change) {
+  if (!IsMoved(change.part)) return true;
+  const auto same = std::find_if(holding.changes.begin(), holding.changes.end(), [&](const SessionChange& other) {
+    return other.part == change.part && other.index == change.index;
+  });
+  if (same == holding.changes.end()) return false;
+  return change.change.head<3>().norm() > same->seen_m || change.change.tail<3>().norm() > same->seen_rad;
+}
+
+// Returns the capture without which the others agree with the calibration best; nothing if they do not without any, or
+// would not have seen what `all` shows.
+std::optional<size_t> FindContradicting(const Problem& problem, const Solution& solution, const SessionOptions& options,
+                                        const SessionCheck& all) {
+  const auto without = [&](size_t capture) {
+    Problem others = problem;
+    others.captures[capture].images.clear();
+    return others;
+  };
   std::optional<size_t> found;
   double largest = 0;
   for (const size_t i : CapturesWithPoints(problem)) {
-    Problem others = problem;
-    others.captures[i].images.clear();
-    const Outcome<SessionCheck> rest = CheckCaptures(others, solution, options);
+    const Outcome<SessionCheck> rest = CheckCaptures(without(i), solution, options, CheckExtent::kDecision);
     if (!rest || rest->has_changed || rest->p_value <= largest) continue;
     found = i;
     largest = rest->p_value;
   }
+  if (!found) return std::nullopt;
+  const Outcome<SessionCheck> rest = CheckCaptures(without(*found), solution, options, CheckExtent::kAll);
+  if (!rest || rest->has_changed || IsMisfit(*rest) || !WouldSee(*rest, all.changes.front())) return std::nullopt;
   return found;
 }
 
 }  // namespace
 
 Outcome<SessionCheck> CheckSession(const Problem& problem, const Solution& solution, const SessionOptions& options) {
-  Outcome<SessionCheck> check = CheckCaptures(problem, solution, options);
+  Outcome<SessionCheck> check = CheckCaptures(problem, solution, options, CheckExtent::kAll);
   constexpr size_t kFewestCaptures = 4;
   constexpr double kDecided = 1e-4;
   if (!check || !check->has_changed || check->p_value > kDecided) return check;
   if (CapturesWithPoints(problem).size() < kFewestCaptures) return check;
-  check->contradicting = FindContradicting(problem, solution, options);
+  check->contradicting = FindContradicting(problem, solution, options, *check);
   // What has changed for good changes all images.
   const auto is_other = [](const SessionChange& change) { return !IsMoved(change.part); };
   const bool all_are_others = std::all_of(check->changes.begin(), check->changes.end(), is_other);

@@ -45,7 +45,8 @@ std::vector<VarianceGroup> WithGroups(const SmoothSearch& search, const SharedEf
   const size_t first = groups.size();
   for (const EffectGroup& group : effects.groups) {
     groups.push_back({VarianceGroup::Kind::kUnknowns, {}, group.sigma * group.sigma, true});
-    if (priors == SigmaPriors::kHalfCauchy) groups.back().half_cauchy = group.half_cauchy_sigma;
+    if (priors == SigmaPriors::kHalfCauchy && group.half_cauchy_sigma > 0)
+      groups.back().half_cauchy = group.half_cauchy_sigma;
   }
   for (Eigen::Index k = 0; k < effects.size(); ++k) {
     groups[first + effects.effects[static_cast<size_t>(k)].group].columns.push_back(n + k);

@@ -279,7 +279,7 @@ TEST_F(ArmRunTest, CommandsInOtherConfigurationsAreMarkedAsExtrapolated) {
   ASSERT_EQ(located.status, 0) << located.err;
   EXPECT_THAT(Unwrapped(located.out), HasSubstr("pose to command so that the gripper truly reaches it"));
   EXPECT_THAT(Unwrapped(located.out), HasSubstr("so that the arm's errors are extrapolated"));
-  EXPECT_THAT(Unwrapped(located.out), HasSubstr("postures found that align the flange's frame with the target's"));
+  EXPECT_THAT(Unwrapped(located.out), HasSubstr("postures were found that align the flange's frame with the target's"));
   const CommandResult exact =
       RunHeba({"locate", (folder() / "exact" / "run").string(), (cell / "images" / "002.png").string(), "--pose",
                NumbersOf(cell / "poses.csv", "002.png"), "--near", kNear});

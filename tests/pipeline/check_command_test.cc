@@ -77,8 +77,8 @@ TEST_F(CheckCommandTest, NamesAnotherTarget) {
                      keys + "square: 25 mm, marker: 18 mm, first_marker: 20}"});
   const CommandResult other = Check("other", {"--poses", Path("other/poses.csv"), "--target", "in-place"}, 2);
   EXPECT_EQ(other.status, 1);
-  EXPECT_THAT(Unwrapped(other.err), HasSubstr("undecided: no target was detected in these images; they show another "
-                                              "one: {type: charuco, rows: 5, columns: 7, square: SIZE"));
+  EXPECT_THAT(Unwrapped(other.err), HasSubstr("undecided: no target was detected in these images; they show: "
+                                              "{type: charuco, rows: 5, columns: 7, square: SIZE"));
   EXPECT_THAT(Unwrapped(other.err), HasSubstr("first_marker: 20"));
 }
 

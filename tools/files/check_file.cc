@@ -30,9 +30,9 @@ Json VectorOf(const Eigen::VectorXd& vector, double factor) {
 Json ChangeJson(const Problem& rig, const SessionChange& change) {
   const Eigen::VectorXd sigmas = change.covariance.diagonal().cwiseMax(0).cwiseSqrt();
   Json json{{"body", BodyOf(rig, change)}, {"side", SideOf(rig, change)}, {"p_value", Finite(change.p_value)}};
+  json["exchanged"] = !IsMoved(change.part) && change.part != ChangedPart::kLens;
   if (!IsMoved(change.part)) {
     json["side"] = nullptr;
-    json["exchanged"] = change.part != ChangedPart::kLens;
     json[change.part == ChangedPart::kExchangedTarget ? "scales" : "intrinsics"] = VectorOf(change.change, 1);
     json["sigma"] = VectorOf(sigmas, 1);
     return json;

@@ -59,7 +59,7 @@ std::string WhyUndecided(const Failure& failure, const std::vector<SessionImage>
     read.push_back(ReadGreyImage(images[i].path));
   }
   const std::vector<RecognisedTarget> shown = RecogniseTargets(read, num_threads);
-  return shown.empty() ? text : text + "; they show another one: " + RecognisedTargetText(shown.front());
+  return shown.empty() ? text : text + "; they show: " + RecognisedTargetText(shown.front());
 }
 
 }  // namespace heba

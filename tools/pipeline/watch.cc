@@ -75,7 +75,7 @@ bool Watched::IsComplete(const fs::path& path) {
   if (error) return false;
   if (complete.contains(path) && sizes[path] == size) return true;
   const auto [last, is_new] = sizes.try_emplace(path, size);
-  const bool is_stable = closed.contains(path) || (!is_new && last->second == size && size > 0);
+  const bool is_stable = closed.erase(path.lexically_normal()) > 0 || (!is_new && last->second == size && size > 0);
   last->second = size;
   if (!is_stable) return false;
   try {
@@ -167,7 +167,7 @@ class WatchedSession {
 
   // Waits until something has happened in the folders of the session, but not for long.
   void Wait() {
-    for (const fs::path& file : folders_.Wait(kInterval)) watched_.closed.insert(file);
+    for (const fs::path& file : folders_.Wait(kInterval)) watched_.closed.insert(file.lexically_normal());
   }
 
   // Looks once. Returns whether the requirements are met.
@@ -189,11 +189,13 @@ class WatchedSession {
       if (!watched_.IsComplete(image.path)) missing = image.name;
     }
     if (!missing.empty()) {
-      constexpr int kPatientLooks = 12;
-      if (++num_waits_ > kPatientLooks) Tell("waiting for " + missing + ", which is not a complete image");
+      constexpr std::chrono::milliseconds kPatience(1200);
+      const auto now = std::chrono::steady_clock::now();
+      if (!waiting_since_) waiting_since_ = now;
+      if (now - *waiting_since_ > kPatience) Tell("waiting for " + missing + ", which is not a complete image");
       return false;
     }
-    num_waits_ = 0;
+    waiting_since_.reset();
     std::string state = StateOf(*config, images);
     if (state == calibrated_) return false;
     if (state != looked_at_) {
@@ -388,8 +390,8 @@ class WatchedSession {
   WatchOptions options_;
   FolderWatch folders_;
   bool has_config_ = false;
-  int num_waits_ = 0;
-  std::string looked_at_;  // StateOf the last look at images.
+  std::optional<std::chrono::steady_clock::time_point> waiting_since_;  // For an image that is not complete.
+  std::string looked_at_;                                               // StateOf the last look at images.
   std::chrono::steady_clock::time_point changed_at_ = {};
   std::string calibrated_;  // StateOf the last run.
   // The last run, the targets that it used, and the captures that it had.

@@ -14,10 +14,6 @@ namespace {
 constexpr double kMisfitP = 1e-6;
 constexpr double kMisfitRatio = 2;
 
-bool IsMisfit(const SessionCheck& check) {
-  return check.scatter_p_value < kMisfitP && check.scatter_ratio > kMisfitRatio;
-}
-
 // Returns whether no single change explains the images.
 bool IsUnexplained(const SessionCheck& check) {
   return check.unexplained_p_value < kMisfitP && check.unexplained_ratio > kMisfitRatio;
@@ -47,11 +43,13 @@ std::string SizeText(const SessionChange& change) {
     return "is another one, or its lens was changed and it was moved";
   }
   if (change.part == ChangedPart::kExchangedTarget) {
+    const double sign = change.change.sum() < 0 ? -1 : 1;
     const auto percent = [&](Eigen::Index i) {
-      return Fixed(100 * change.change[i], 1) + " % (one sigma " +
+      return Fixed(100 * sign * change.change[i], 1) + " % (one sigma " +
              ShownAmount(100 * std::sqrt(change.covariance(i, i)), 2) + " %)";
     };
-    return "is another one: its points are farther apart by " + percent(0) + " along x and " + percent(1) + " along y";
+    return std::string("is another one: its points are ") + (sign < 0 ? "nearer together" : "farther apart") + " by " +
+           percent(0) + " along x and " + percent(1) + " along y";
   }
   return "has moved by " + LengthText(change, 0, &MillimetresText) + " along " +
          DirectionText(change.change.head<3>()) + " and " + LengthText(change, 3, &DegreesText) + " in its own frame";

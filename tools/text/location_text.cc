@@ -127,8 +127,8 @@ std::string PosturesText(const Problem& rig, const std::vector<ReachingPostures>
     const size_t num_postures = postures.postures.size();
     text += std::to_string(num_postures) +
             (joints.size() > 6   ? " posture, of infinitely many, aligns"
-             : num_postures == 1 ? " posture found that aligns"
-                                 : " postures found that align") +
+             : num_postures == 1 ? " posture was found that aligns"
+                                 : " postures were found that align") +
             (postures.arm.name.ends_with(".urdf") ? " the tip's frame with " : " the flange's frame with ") + what +
             "; " + Join(postures.arm.joint_names, ", ") + (all_turn ? " in deg:\n" : " in deg or m:\n");
     for (const ReachingPostures::Posture& posture : postures.postures) {

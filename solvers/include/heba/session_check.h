@@ -76,6 +76,10 @@ struct SessionCheck {
   int num_images = 0;
 };
 
+// Returns whether the points do not fit the target: they scatter more than twice as far as in the calibration, beyond
+// doubt.
+inline bool IsMisfit(const SessionCheck& check) { return check.scatter_p_value < 1e-6 && check.scatter_ratio > 2; }
+
 // Tests the images in the captures of `problem`, whose parts are those of the calibration; `solution` is its estimate
 // with covariance_repeatable, because a session has the scales of the calibration. An image is predicted up to the
 // uncertainty of the calibration, the noise of the arms (white and smooth, or that of arms whose errors are estimated),

@@ -257,8 +257,8 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesWithinLimits(const Arm& arm, const
   }
   std::vector<Eigen::VectorXd> within;
   for (Eigen::VectorXd& posture : reaching) {
-    if (std::optional<Eigen::VectorXd> joints = WithinLimits(arm, std::move(posture)))
-      within.push_back(*std::move(joints));
+    std::optional<Eigen::VectorXd> joints = WithinLimits(arm, std::move(posture));
+    if (joints) within.push_back(*std::move(joints));
   }
   if (within.empty()) return Failure{"no posture that was found is within the limits of the joints"};
   return within;
