@@ -99,8 +99,7 @@ std::string ChangeText(const Problem& rig, const SessionCheck& check) {
   if (IsMisfit(check) && IsMoved(check.changes.front().part)) {
     return "the points lie " + Significant(check.scatter_ratio, 2) +
            " times as far from where the target would be seen as in the calibration: the lens was refocused, the "
-           "camera "
-           "or the target is another one, or the target is bent";
+           "camera or the target is another one, or the target is bent";
   }
   const SessionChange& likely = check.changes.front();
   std::vector<std::string> others;
