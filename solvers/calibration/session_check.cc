@@ -711,9 +711,12 @@ std::optional<size_t> FindContradicting(const Problem& problem, const Solution& 
   double largest = 0;
   for (const size_t i : CapturesWithPoints(problem)) {
     const Outcome<SessionCheck> rest = CheckCaptures(without(i), solution, options, CheckExtent::kDecision);
-    if (!rest || rest->has_changed || rest->p_value <= largest) continue;
+    if (!rest || rest->has_changed) continue;
+    // A lens is not tried here: an image that asks for another one scatters.
+    const double agreement = IsMoved(all.changes.front().part) ? rest->p_value : 1 / rest->scatter_ratio;
+    if (agreement <= largest) continue;
     found = i;
-    largest = rest->p_value;
+    largest = agreement;
   }
   if (!found) return std::nullopt;
   const Outcome<SessionCheck> rest = CheckCaptures(without(*found), solution, options, CheckExtent::kAll);
