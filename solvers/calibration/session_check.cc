@@ -733,7 +733,7 @@ Outcome<SessionCheck> CheckSession(const Problem& problem, const Solution& solut
   if (!check || !check->has_changed || check->p_value > kDecided) return check;
   if (CapturesWithPoints(problem).size() < kFewestCaptures) return check;
   check->contradicting = FindContradicting(problem, solution, options, *check);
-  // What has changed for good changes all images.
+  // A lens or a part that was exchanged changes all images, and not this one alone.
   const auto is_other = [](const SessionChange& change) { return !IsMoved(change.part); };
   const bool all_are_others = std::all_of(check->changes.begin(), check->changes.end(), is_other);
   if (check->contradicting && !all_are_others) std::erase_if(check->changes, is_other);

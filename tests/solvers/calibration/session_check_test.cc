@@ -62,6 +62,15 @@ void MoveTarget(const Tangent6& step, TwoSessions* sessions) {
   }
 }
 
+// Changes the focal length of the camera before the later session.
+void Magnify(double factor, TwoSessions* sessions) {
+  const Eigen::Vector2d centre(sessions->solution.camera.params[2], sessions->solution.camera.params[3]);
+  for (View& view : sessions->later) {
+    Points2& pixels = view.observations.pixels;
+    pixels = (factor * (pixels.colwise() - centre)).colwise() + centre;
+  }
+}
+
 Outcome<SessionCheck> Check(const TwoSessions& sessions, bool is_in_place, double wobble_rad = 0) {
   const BundleOptions bundle;  // The lens may have changed, too.
   Problem problem =
@@ -220,11 +229,7 @@ TEST(SessionCheckTest, NoChangeExplainsExchangedPoses) {
 
 TEST(SessionCheckTest, NamesALensThatWasRefocused) {
   TwoSessions sessions = MakeSessions(10, Setup::kEyeInHand, 6);
-  const Eigen::Vector2d centre(sessions.solution.camera.params[2], sessions.solution.camera.params[3]);
-  for (View& view : sessions.later) {
-    Points2& pixels = view.observations.pixels;
-    pixels = (1.01 * (pixels.colwise() - centre)).colwise() + centre;
-  }
+  Magnify(1.01, &sessions);
   const Outcome<SessionCheck> check = Check(sessions, true);
   ASSERT_TRUE(check.ok()) << check.reason();
   EXPECT_TRUE(check->has_changed);
@@ -257,14 +262,10 @@ TEST(SessionCheckTest, NamesATargetThatWasExchanged) {
 
 TEST(SessionCheckTest, NamesACameraThatWasExchanged) {
   TwoSessions sessions = MakeSessions(15, Setup::kEyeToHand, 6);
-  const Eigen::Vector2d centre(sessions.solution.camera.params[2], sessions.solution.camera.params[3]);
   Tangent6 step = Tangent6::Zero();
   step << 2e-3, -1e-3, 1e-3, 5e-3, 0, 2e-3;
   MoveCamera(step, &sessions);
-  for (View& view : sessions.later) {
-    Points2& pixels = view.observations.pixels;
-    pixels = (1.03 * (pixels.colwise() - centre)).colwise() + centre;
-  }
+  Magnify(1.03, &sessions);
   const Outcome<SessionCheck> check = Check(sessions, true);
   ASSERT_TRUE(check.ok()) << check.reason();
   EXPECT_TRUE(check->has_changed);

@@ -175,7 +175,7 @@ void ExpectHonestAndSmallErrors(int num_trials, int least_points) {
   EXPECT_NEAR(by_all.MeanChi2(), 6, tolerance);
   EXPECT_NEAR(by_wrist.MeanChi2(), 6, tolerance);
   ASSERT_GE(points.num, least_points);
-  // Of few points, a mean of 0 would be within the tolerance.
+  // A mean of 0 would be within the tolerance of few points.
   if (points.num > 12) EXPECT_NEAR(points.MeanChi2(), 3, 4 * std::sqrt(6.0 / points.num));
   EXPECT_GT(as_if_known.MeanChi2(), 1.1 * by_wrist.MeanChi2());
   EXPECT_GT(plain.MeanChi2(), 6 + tolerance);
