@@ -60,7 +60,8 @@ PlanCell WithPostures(PlanCell cell, const RobotArm& robot) {
     std::vector<Eigen::VectorXd> found;
     if (robot.joints_near.size() == robot.arm.num_joints()) {
       const Outcome<Eigen::VectorXd> near = PostureNear(robot.arm, base_from_tip, robot.joints_near);
-      if (near) found = {*near};
+      const std::optional<Eigen::VectorXd> joints = near ? WithinLimits(robot.arm, *near) : std::nullopt;
+      if (joints) found = {*joints};
     } else if (has_few_joints) {
       // The poses are those that it reaches, in this posture.
       const std::optional<Eigen::VectorXd> joints = NearestPostureTo(robot.arm, base_from_tip);
@@ -73,11 +74,10 @@ PlanCell WithPostures(PlanCell cell, const RobotArm& robot) {
       if (all) found = *std::move(all);
     }
     std::vector<PlanPosture> postures;
-    for (const Eigen::VectorXd& any : found) {
-      std::optional<Eigen::VectorXd> joints = WithinLimits(robot.arm, any);
-      if (!joints || !IsPermitted(robot.arm, *joints, has_plane, keep_out)) continue;
-      const std::optional<Configuration> configuration = ConfigurationOf(robot.arm, *joints);
-      postures.push_back({*std::move(joints), configuration ? NameOf(*configuration) : ""});
+    for (Eigen::VectorXd& joints : found) {
+      if (!IsPermitted(robot.arm, joints, has_plane, keep_out)) continue;
+      const std::optional<Configuration> configuration = ConfigurationOf(robot.arm, joints);
+      postures.push_back({std::move(joints), configuration ? NameOf(*configuration) : ""});
     }
     return postures;
   };

@@ -3,7 +3,6 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/base/even_indices.h"
 #include "heba/base/files.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
@@ -11,10 +10,9 @@
 #include "heba/io/camera_file.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
-#include "heba/recognition.h"
 #include "heba/target.h"
-#include "targets/images/image.h"
 #include "tools/config/commented_config.h"
+#include "tools/pipeline/shown_target.h"
 
 namespace heba {
 namespace {
@@ -42,16 +40,6 @@ fs::path TargetFileFor(const InitRequest& request) {
   const fs::path named = folder / (request.config.stem().string() + ".target.yaml");
   if (is_other(named)) RefuseToReplace(request, named);
   return named;
-}
-
-// Returns the keys of the target that a few images of a folder show, with its size open; empty if none is seen.
-std::string TargetSeen(const fs::path& folder, int num_threads) {
-  constexpr size_t kFew = 4;
-  const std::vector<fs::path> files = ImagesOf(folder);
-  std::vector<cv::Mat> images;
-  for (const size_t i : EvenIndices(files.size(), kFew)) images.push_back(ReadGreyImage(files[i]));
-  const std::vector<RecognisedTarget> found = RecogniseTargets(images, num_threads);
-  return found.empty() ? "" : RecognisedTargetText(found.front());
 }
 
 // Returns whether a data set of another project has several cameras. One that cannot be read has none.
@@ -149,7 +137,7 @@ RawFolder FilesToRead(const InitRequest& request) {
 
 void CheckTarget(const InitRequest& request, const RawFolder& files, int num_threads) {
   if (files.target || !request.target_keys.empty()) return;
-  const std::string seen = TargetSeen(files.images, num_threads);
+  const std::string seen = ShownTarget(ImagesOf(files.images), num_threads);
   throw InputError(
       request.folder.string() + ": contains no target file; " +
       (seen.empty()

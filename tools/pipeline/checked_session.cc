@@ -4,11 +4,9 @@
 #include <utility>
 
 #include "heba/base/error.h"
-#include "heba/base/even_indices.h"
 #include "heba/base/files.h"
-#include "heba/recognition.h"
-#include "targets/images/image.h"
 #include "tools/pipeline/reference_session.h"
+#include "tools/pipeline/shown_target.h"
 #include "tools/text/check_text.h"
 
 namespace heba {
@@ -52,14 +50,10 @@ CheckedSession SessionBesideReferences(const FinishedRun& run, const fs::path& r
 std::string WhyUndecided(const Failure& failure, const std::vector<SessionImage>& images, int num_threads) {
   const std::string text = UndecidedText(failure);
   if (failure.code != "no_target") return text;
-  std::vector<cv::Mat> read;
-  // A few images tell.
-  constexpr size_t kMostImages = 3;
-  for (const size_t i : EvenIndices(images.size(), std::min(images.size(), kMostImages))) {
-    read.push_back(ReadGreyImage(images[i].path));
-  }
-  const std::vector<RecognisedTarget> shown = RecogniseTargets(read, num_threads);
-  return shown.empty() ? text : text + "; they show: " + RecognisedTargetText(shown.front());
+  std::vector<fs::path> paths;
+  for (const SessionImage& image : images) paths.push_back(image.path);
+  const std::string shown = ShownTarget(paths, num_threads);
+  return shown.empty() ? text : text + "; they show: " + shown;
 }
 
 }  // namespace heba
